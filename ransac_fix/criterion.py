@@ -45,17 +45,25 @@ Count: TypeAlias = SupportsIndex | SupportsFloat
 Confidence: TypeAlias = float | Fraction | Decimal | SupportsFloat
 """A probability. A float means its exact binary value; fractions and decimals are exact too."""
 
-# The relative error of log1p(-s) / log1p(-P) as computed below: half an ulp in P, amplified by
-# at most 1.45 on its way through the logarithm, two ulps for each logarithm (twice what the
-# usual C libraries state) and half for the quotient, make less than 11 units of 2**-53.
+# The relative error of log1p(-s) / log1p(-P) as computed below: one and a half units of 2**-53
+# in P, amplified by at most 1.45 on its way through the logarithm, four for each logarithm
+# (twice what the usual C libraries state) and one for the rest make less than 12 units.
 _ABOVE = 1.0 + 2.0**-49
 _BELOW = 1.0 - 2.0**-49
 
 # The default, recognised by identity on the fast path.
 _DISTINCT: Literal["distinct"] = "distinct"
 
-# Below this a quotient of integers may be subnormal, and no longer has full relative precision.
+# Below this a quotient of integers may be subnormal, and no longer has full relative precision;
+# integers of this many bits are safely inside the floats.
 _SMALLEST = 1e-290
+_MOST_BITS = 960
+
+# (n, k, s) -> C(n, k), its reciprocal and log(1 - s): the half of the work that does not change
+# from one call of a RANSAC run to the next.
+_Setting: TypeAlias = tuple[int, float, float]
+_SETTINGS: dict[tuple[object, object, object], _Setting] = {}
+_MOST_SETTINGS = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,27 +142,23 @@ def required_trials(
     >>> approximate_required_trials(6, 20, 2, 0.99)
     49
     """
-    # The path of nearly every call, kept to a microsecond: what fails a test here is sorted
-    # out, with its error message, in the general path below.
-    if (
-        sampling is _DISTINCT
-        and type(n_inliers) is int
-        and type(n_samples) is int
-        and type(sample_size) is int
-        and type(confidence) is float
-        and 1 <= sample_size <= n_inliers < n_samples
-        and 0.0 < confidence < 1.0
-    ):
-        good = comb(n_inliers, sample_size)
-        possible = comb(n_samples, sample_size)
-        probability = good / possible
-        if probability > _SMALLEST:
-            trials = log1p(-confidence) / (
-                log1p(-probability) if probability <= 0.5 else log((possible - good) / possible)
-            )
-            upper = ceil(trials * _ABOVE)
-            if trials * _BELOW > upper - 1:
-                return upper
+    # The path of nearly every call, kept well under a microsecond: whatever does not fit here
+    # is sorted out, with its error message, in the general path below.
+    if sampling is _DISTINCT:
+        try:
+            key = (n_samples, sample_size, confidence)
+            possible, scale, log_allowed = _SETTINGS.get(key) or _setting(*key)
+            if sample_size <= n_inliers < n_samples:  # type: ignore[operator]
+                good = comb(n_inliers, sample_size)  # type: ignore[arg-type]
+                probability = good * scale
+                trials = log_allowed / (
+                    log1p(-probability) if probability <= 0.5 else log((possible - good) * scale)
+                )
+                upper = ceil(trials * _ABOVE)
+                if trials * _BELOW > upper - 1:
+                    return upper
+        except TypeError:
+            pass
     counts = _counts(n_inliers, n_samples, sample_size)
     return _trials(*_exact_ratio(*counts, sampling), confidence)
 
@@ -354,6 +358,31 @@ def undersampling(
     return _undersampling(exact, _approximate_ratio(*counts))
 
 
+def _setting(n_samples: object, sample_size: object, confidence: object) -> _Setting:
+    """Return, and remember, what all calls of one RANSAC run share.
+
+    Raises
+    ------
+    TypeError
+        For anything but plain integers and a plain float in the range that floats can serve.
+    """
+    if (
+        type(n_samples) is int
+        and type(sample_size) is int
+        and type(confidence) is float
+        and 1 <= sample_size <= n_samples
+        and 0.0 < confidence < 1.0
+    ):
+        possible = comb(n_samples, sample_size)
+        if possible.bit_length() < _MOST_BITS:
+            if len(_SETTINGS) >= _MOST_SETTINGS:
+                _SETTINGS.clear()
+            setting = possible, 1 / possible, log1p(-confidence)
+            _SETTINGS[n_samples, sample_size, confidence] = setting
+            return setting
+    raise TypeError
+
+
 def _undersampling(exact: tuple[int, int], approximate: tuple[int, int]) -> float:
     """Return ``log(1 - P_a) / log(1 - P_e) - 1`` without cancellation."""
     exact_ratio, approximate_ratio = Fraction(*exact), Fraction(*approximate)
@@ -372,9 +401,9 @@ def _undersampling(exact: tuple[int, int], approximate: tuple[int, int]) -> floa
 
 def _count(value: object, name: str) -> int:
     """Return `value` as an int if it is a whole number of any numeric kind."""
-    if isinstance(value, Integral) and not isinstance(value, bool):
+    if isinstance(value, Integral):
         return int(value)
-    if isinstance(value, Real) and not isinstance(value, bool):
+    if isinstance(value, Real):
         number = float(value)
         if number.is_integer():
             return int(number)
@@ -397,9 +426,7 @@ def _counts(n_inliers: object, n_samples: object, sample_size: object) -> tuple[
 def _confidence(value: object) -> Fraction:
     """Return a probability as the exact fraction it stands for."""
     fraction: Fraction | None = None
-    if isinstance(value, bool):
-        pass
-    elif isinstance(value, Decimal):
+    if isinstance(value, Decimal):
         if value.is_finite():
             fraction = Fraction(value)
     elif isinstance(value, Rational):
