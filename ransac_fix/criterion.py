@@ -371,7 +371,7 @@ def _setting(n_samples: object, sample_size: object, confidence: object) -> _Set
         and type(sample_size) is int
         and type(confidence) is float
         and 1 <= sample_size <= n_samples
-        and 0.0 < confidence < 1.0
+        and _SMALLEST < confidence < 1.0
     ):
         possible = comb(n_samples, sample_size)
         if possible.bit_length() < _MOST_BITS:
