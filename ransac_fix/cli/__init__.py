@@ -11,7 +11,9 @@ from ransac_fix.errors import RansacFixError
 
 # name -> (module under ransac_fix.cli holding `command`, the line `--help` shows). The line
 # stands here so that `ransac-fix --help` imports no command.
-_COMMANDS: dict[str, tuple[str, str]] = {}
+_COMMANDS: dict[str, tuple[str, str]] = {
+    "explain": ("explain", "What both stopping rules do on your own numbers."),
+}
 
 EXIT_ERROR = 2
 
