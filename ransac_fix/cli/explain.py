@@ -121,11 +121,11 @@ def command(
     plot: Path | None,
     output_format: str,
 ) -> None:
-    r"""Show what both stopping rules do on your own numbers.
+    """Show what both stopping rules do on your own numbers.
 
     \b
     ransac-fix explain --n 50 --inlier-ratio 0.3 --k 5 --confidence 0.99
-    """
+    """  # noqa: D301 -- click reads the backspace
     from ransac_fix.experiments.explanation import Problem, explain
     from ransac_fix.report.drawing import check_drawable
 
