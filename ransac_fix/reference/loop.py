@@ -1,5 +1,6 @@
 """Hypothesise and verify, with the stopping rule, the sampler and the model passed in."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -192,22 +193,9 @@ def ransac(
     still be missed once a model is in hand. Draws without repetition, as ``"auto"`` makes them,
     miss no more often than independent ones, so the rule holds there too.
     """
-    rows = _checked_data(data, model)
-    sampler = _default_sampler(sampler, rows, model)
-    trials = _trials(rows, model, residual_threshold, _samples(sampler, strategy, rng))
-    stop = _Stop(
-        model=model,
-        sampler=sampler,
-        n_samples=len(rows),
-        confidence=confidence,
-        max_trials=max_trials,
-        min_trials=min_trials,
-        stopping_rule=stopping_rule,
-        strategy=strategy,
-        offset=offset,
-        tested=tested,
-    )
-    return _run(trials, stop, rows if refit else None, on_trial)
+    problem = _Problem(data, model, residual_threshold, sampler, strategy)
+    stop = _Stop(confidence, max_trials, min_trials, stopping_rule, offset, tested)
+    return _run(problem, stop, problem.trials(rng), refit, on_trial)
 
 
 class Recording(Generic[M]):
@@ -241,13 +229,8 @@ class Recording(Generic[M]):
         strategy: Strategy = "sample",
         rng: int | np.random.Generator | None = None,
     ) -> None:
-        self._data = _checked_data(data, model)
-        self._model = model
-        self._sampler = _default_sampler(sampler, self._data, model)
-        self._strategy: Strategy = strategy
-        self._source = _trials(
-            self._data, model, residual_threshold, _samples(self._sampler, strategy, rng)
-        )
+        self._problem = _Problem(data, model, residual_threshold, sampler, strategy)
+        self._source = self._problem.trials(rng)
         self._trials: list[Trial[M]] = []
 
     def __len__(self) -> int:
@@ -256,9 +239,13 @@ class Recording(Generic[M]):
 
     def __iter__(self) -> Iterator[Trial[M]]:
         """Yield the trials from the first on, evaluating further ones as they are asked for."""
-        number = 0
+        return itertools.chain(self._trials, self._further())
+
+    def _further(self) -> Iterator[Trial[M]]:
+        """Yield the trials after those that were there when the first is asked for."""
+        number = len(self._trials)
         while True:
-            if number == len(self._trials):
+            if number == len(self._trials):  # no other iterator has been here
                 fresh = next(self._source, None)
                 if fresh is None:
                     return
@@ -294,39 +281,76 @@ class Recording(Generic[M]):
         ValueError
             As `ransac` does.
         """
-        stop = _Stop(
-            model=self._model,
-            sampler=self._sampler,
-            n_samples=len(self._data),
-            confidence=confidence,
-            max_trials=max_trials,
-            min_trials=min_trials,
-            stopping_rule=stopping_rule,
-            strategy=self._strategy,
-            offset=offset,
-            tested=tested,
+        stop = _Stop(confidence, max_trials, min_trials, stopping_rule, offset, tested)
+        return _run(self._problem, stop, self, refit, on_trial)
+
+
+class _Problem(Generic[M]):
+    """What is to be solved and how it is sampled: all that the trials of a run depend on."""
+
+    def __init__(
+        self,
+        data: npt.ArrayLike,
+        model: Model[M],
+        residual_threshold: float,
+        sampler: Sampler | None,
+        strategy: Strategy,
+    ) -> None:
+        self.data = _checked_data(data, model)
+        self.model = model
+        if not residual_threshold >= 0:
+            raise ValueError(f"residual_threshold must not be negative, not {residual_threshold!r}")
+        self.threshold = residual_threshold
+        if strategy not in ("sample", "enumerate", "auto"):
+            raise ValueError(f'strategy must be "sample", "enumerate" or "auto", not {strategy!r}')
+        self.strategy = strategy
+        self.sampler = _checked_sampler(sampler, self.data, model)
+        self.law = self.sampler if isinstance(self.sampler, KnownSampler) else None
+        self.subsets = self.sampler if isinstance(self.sampler, SubsetSampler) else None
+        if self.subsets is not None:
+            self.n_subsets = self.subsets.n_subsets
+        elif strategy == "sample":
+            self.n_subsets = math.comb(len(self.data), model.sample_size)
+        else:
+            raise ValueError(
+                f'strategy must be "sample": {type(sampler).__name__} cannot number its subsets'
+            )
+
+    def trials(self, rng: int | np.random.Generator | None) -> Iterator[Trial[M]]:
+        """Return the hypothesised and verified models of one sample after another."""
+        data, model = self.data, self.model
+        return (
+            Trial(sample, tuple([self._verified(found) for found in model.solve(data[sample])]))
+            for sample in self._samples(np.random.default_rng(rng))
         )
-        return _run(self, stop, self._data if refit else None, on_trial)
+
+    def _verified(self, found: M) -> Candidate[M]:
+        inliers = self.model.residuals(found, self.data) <= self.threshold
+        return Candidate(found, inliers, int(np.count_nonzero(inliers)))
+
+    def _samples(self, rng: np.random.Generator) -> Iterator[IndexArray]:
+        if self.subsets is not None and self.strategy == "enumerate":
+            return self.subsets.subsets()
+        if self.subsets is not None and self.strategy == "auto" and self.n_subsets < _UNCOUNTABLE:
+            return _shuffled(self.subsets, rng)
+        return _draws(self.sampler, rng)
 
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
     """When a run ends."""
 
-    model: Model[Any]
-    sampler: Sampler
-    n_samples: int
     confidence: float
     max_trials: int | None
     min_trials: int
     stopping_rule: StoppingRule | None
-    strategy: Strategy
     offset: int
     tested: Literal["trial", "improvement"]
 
-    def __post_init__(self) -> None:
-        # The criterion's own check of the confidence, before the first trial.
-        required_trials(0, self.n_samples, self.model.sample_size, self.confidence)
+    def check(self, problem: _Problem[Any]) -> None:
+        """Raise ValueError for what cannot be, before the first trial."""
+        n, k = len(problem.data), problem.model.sample_size
+        required_trials(k, n, k, self.confidence)  # the criterion's own check of the confidence
         if self.max_trials is not None and self.max_trials < 1:
             raise ValueError(f"max_trials must be at least 1, not {self.max_trials}")
         if self.min_trials < 0:
@@ -337,51 +361,47 @@ class _Stop:
             )
         if self.tested not in ("trial", "improvement"):
             raise ValueError(f'tested must be "trial" or "improvement", not {self.tested!r}')
-        if self.stopping_rule is None and not isinstance(self.sampler, KnownSampler):
+        if self.stopping_rule is None and problem.law is None:
             raise ValueError(
-                f"stopping_rule must be given: {type(self.sampler).__name__} does not state its "
-                "sampling law"
+                f"stopping_rule must be given: {type(problem.sampler).__name__} does not state "
+                "its sampling law"
             )
         if (
-            self.strategy == "enumerate"
+            problem.strategy == "enumerate"
             and self.max_trials is not None
-            and self.max_trials < self.n_subsets
+            and self.max_trials < problem.n_subsets
         ):
             raise ValueError(
-                f"max_trials must be at least the number of subsets, {self.n_subsets}, or None "
+                f"max_trials must be at least the number of subsets, {problem.n_subsets}, or None "
                 f'for strategy "enumerate", not {self.max_trials}'
             )
 
-    @property
-    def n_subsets(self) -> int:
-        if isinstance(self.sampler, SubsetSampler):
-            return self.sampler.n_subsets
-        return math.comb(self.n_samples, self.model.sample_size)
-
-    def required(self, best: Candidate[Any]) -> int | float:
+    def required(self, best: Candidate[Any], problem: _Problem[Any]) -> int | float:
         """Return the rule's number of trials for the model in hand."""
-        n, k = self.n_samples, self.model.sample_size
+        n, k = len(problem.data), problem.model.sample_size
         if self.stopping_rule is not None:
             return self.stopping_rule(best.n_inliers, n, k, self.confidence)
-        assert isinstance(self.sampler, KnownSampler)
-        sampling = self.sampler.sampling(best.inliers)
+        assert problem.law is not None
+        sampling = problem.law.sampling(best.inliers)
         return required_trials(best.n_inliers, n, k, self.confidence, sampling=sampling)
 
 
 def _run(
-    trials: Iterable[Trial[M]],
+    problem: _Problem[M],
     stop: _Stop,
-    refit_data: FloatArray | None,
+    trials: Iterable[Trial[M]],
+    refit: bool,
     on_trial: Callable[[int, Trial[M]], object] | None,
 ) -> RansacResult[M]:
     """Go through `trials` until it is time to stop."""
-    n_subsets = stop.n_subsets
-    finite = stop.strategy != "sample"
+    stop.check(problem)
+    n_subsets = problem.n_subsets
     cap = math.inf if stop.max_trials is None else stop.max_trials
-    # What bounds a run whose rule gives no finite number.
+    # What ends a run that neither the rule nor a cap ends.
     last_resort = max(n_subsets, stop.min_trials) if stop.max_trials is None else math.inf
+    repeats = problem.strategy == "sample"
+    obeys_rule = problem.strategy != "enumerate"
     each_trial = stop.tested == "trial"
-    obeys_rule = stop.strategy != "enumerate"
 
     best: Candidate[M] | None = None
     most = 0
@@ -397,74 +417,36 @@ def _run(
                 best, most = candidate, candidate.n_inliers
                 improved = True
         if improved and best is not None:
-            required = stop.required(best)
+            required = stop.required(best, problem)
             enough = max(required + stop.offset, stop.min_trials)
         if on_trial is not None:
             on_trial(number, trial)
-        if finite and number == n_subsets:
+        if number == n_subsets and not repeats:
             break
-        if obeys_rule and number >= enough and (improved or each_trial):
+        if number >= enough and obeys_rule and (improved or each_trial):
             ended = "rule"
             break
         if number >= cap:
             ended = "max_trials"
             break
-        if number >= last_resort and (enough == math.inf or not each_trial) and not finite:
+        if number >= last_resort and repeats and (enough == math.inf or not each_trial):
             ended = "n_subsets"
             break
 
+    enumerated = ended == "enumerated"
     if best is None:
-        inliers = np.zeros(stop.n_samples, dtype=np.bool_)
-        return RansacResult(None, inliers, 0, None, number, required, ended == "enumerated", ended)
-    final = None if refit_data is None else stop.model.refit(refit_data[best.inliers])
+        nothing = np.zeros(len(problem.data), dtype=np.bool_)
+        return RansacResult(None, nothing, 0, None, number, required, enumerated, ended)
     return RansacResult(
         model=best.model,
         inliers=best.inliers,
         n_inliers=best.n_inliers,
-        refit=final,
+        refit=problem.model.refit(problem.data[best.inliers]) if refit else None,
         trials=number,
         required_trials=required,
-        enumerated=ended == "enumerated",
+        enumerated=enumerated,
         ended=ended,
     )
-
-
-def _trials(
-    data: FloatArray, model: Model[M], threshold: float, samples: Iterator[IndexArray]
-) -> Iterator[Trial[M]]:
-    """Return the hypothesised and verified models of each sample."""
-    if not threshold >= 0:
-        raise ValueError(f"residual_threshold must not be negative, not {threshold!r}")
-    return (
-        Trial(sample, tuple(_verify(found, model, data, threshold) for found in models))
-        for sample in samples
-        for models in (model.solve(data[sample]),)
-    )
-
-
-def _verify(found: M, model: Model[M], data: FloatArray, threshold: float) -> Candidate[M]:
-    inliers = model.residuals(found, data) <= threshold
-    return Candidate(found, inliers, int(np.count_nonzero(inliers)))
-
-
-def _samples(
-    sampler: Sampler, strategy: Strategy, rng: int | np.random.Generator | None
-) -> Iterator[IndexArray]:
-    """Return the samples in the order in which a run tries them."""
-    if strategy not in ("sample", "enumerate", "auto"):
-        raise ValueError(f'strategy must be "sample", "enumerate" or "auto", not {strategy!r}')
-    generator = np.random.default_rng(rng)
-    if strategy == "sample":
-        return _draws(sampler, generator)
-    if not isinstance(sampler, SubsetSampler):
-        raise ValueError(
-            f'strategy must be "sample": {type(sampler).__name__} cannot number its subsets'
-        )
-    if strategy == "enumerate":
-        return sampler.subsets()
-    if sampler.n_subsets >= _UNCOUNTABLE:
-        return _draws(sampler, generator)
-    return _shuffled(sampler, generator)
 
 
 def _draws(sampler: Sampler, rng: np.random.Generator) -> Iterator[IndexArray]:
@@ -503,7 +485,7 @@ def _checked_data(data: npt.ArrayLike, model: Model[Any]) -> FloatArray:
     return rows
 
 
-def _default_sampler(sampler: Sampler | None, data: FloatArray, model: Model[Any]) -> Sampler:
+def _checked_sampler(sampler: Sampler | None, data: FloatArray, model: Model[Any]) -> Sampler:
     if sampler is None:
         return DistinctSampler(len(data), model.sample_size)
     for name, wanted in (("n_samples", len(data)), ("sample_size", model.sample_size)):

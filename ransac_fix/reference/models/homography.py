@@ -1,6 +1,6 @@
 """A homography between two images."""
 
-import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,18 +46,35 @@ class Homography:
         """
         matches = sample.tolist()
         source, target = [m[:2] for m in matches], [m[2:] for m in matches]
-        for a, b, c in itertools.combinations(range(4), 3):
-            if is_flat(source[a], source[b], source[c]) or is_flat(target[a], target[b], target[c]):
-                return ()
-        # Coordinates relative to the fourth point keep the digits of images far from the origin.
-        basis1, basis2 = _basis(source), _basis(target)
-        local = basis2 @ _adjugate(basis1)
-        origin1, origin2 = source[3], target[3]
-        # H = T(origin2) local T(-origin1), where T translates.
-        local[:, 2] -= local[:, 0] * origin1[0] + local[:, 1] * origin1[1]
-        local[0] += local[2] * origin2[0]
-        local[1] += local[2] * origin2[1]
-        return (_normalised(local),)
+        areas1, areas2 = _areas(source), _areas(target)
+        if areas1 is None or areas2 is None:
+            return ()
+        # With P_i the points relative to the fourth and u_i the areas opposite them, the map from
+        # the basis has the columns u_i P_i. So H = sum over i of (v_i / u_i) Q_i times row i of
+        # the inverse of (P_1 P_2 P_3).
+        (x1, y1), (x2, y2), (x3, y3), (x4, y4) = source
+        (p1, q1), (p2, q2), (p3, q3), (p4, q4) = target
+        w1, w2, w3 = (v / u for v, u in zip(areas2, areas1, strict=True))
+        x1, y1, x2, y2, x3, y3 = x1 - x4, y1 - y4, x2 - x4, y2 - y4, x3 - x4, y3 - y4
+        a = (w1 * (y2 - y3), w2 * (y3 - y1), w3 * (y1 - y2))
+        b = (w1 * (x3 - x2), w2 * (x1 - x3), w3 * (x2 - x1))
+        c = (w1 * (x2 * y3 - x3 * y2), w2 * (x3 * y1 - x1 * y3), w3 * (x1 * y2 - x2 * y1))
+        p1, p2, p3, q1, q2, q3 = p1 - p4, p2 - p4, p3 - p4, q1 - q4, q2 - q4, q3 - q4
+        rows = []
+        for t1, t2, t3 in ((p1, p2, p3), (q1, q2, q3), (1.0, 1.0, 1.0)):
+            rows.append(tuple(t1 * m[0] + t2 * m[1] + t3 * m[2] for m in (a, b, c)))
+        # From coordinates relative to the fourth points to those of the images.
+        (a1, b1, c1), (a2, b2, c2), (a3, b3, c3) = rows
+        a1, b1, c1 = a1 + p4 * a3, b1 + p4 * b3, c1 + p4 * c3
+        a2, b2, c2 = a2 + q4 * a3, b2 + q4 * b3, c2 + q4 * c3
+        h = np.array(
+            (
+                (a1, b1, c1 - a1 * x4 - b1 * y4),
+                (a2, b2, c2 - a2 * x4 - b2 * y4),
+                (a3, b3, c3 - a3 * x4 - b3 * y4),
+            )
+        )
+        return (_normalised(h),)
 
     def residuals(self, model: FloatArray, data: FloatArray) -> FloatArray:
         """Return the transfer error of every match, shape (n,), in the second image's unit."""
@@ -122,35 +139,18 @@ class Homography:
         return _normalised(from_local @ h @ to_local)
 
 
-def _basis(points: list[Point]) -> FloatArray:
-    """Return the map from the projective basis to four points, the fourth taken as origin.
+def _areas(points: list[Point]) -> tuple[float, float, float] | None:
+    """Return the doubled areas of the triangles opposite points 1, 2 and 3.
 
-    Its columns are the first three points, weighted so that they add up to the fourth.
+    They are the barycentric coordinates of the fourth point up to a common factor. None if any
+    three of the points are collinear.
     """
     p, q, r, o = points
-    # Barycentric coordinates of the origin, up to a common factor.
-    u, v, w = doubled_area(q, r, o), doubled_area(r, p, o), doubled_area(p, q, o)
-    return np.array(
-        (
-            (u * (p[0] - o[0]), v * (q[0] - o[0]), w * (r[0] - o[0])),
-            (u * (p[1] - o[1]), v * (q[1] - o[1]), w * (r[1] - o[1])),
-            (u, v, w),
-        )
-    )
-
-
-def _adjugate(m: FloatArray) -> FloatArray:
-    """Return the inverse of a 3 x 3 matrix up to scale."""
-    (a, b, c), (d, e, f), (g, h, i) = m.tolist()
-    return np.array(
-        (
-            (e * i - f * h, c * h - b * i, b * f - c * e),
-            (f * g - d * i, a * i - c * g, c * d - a * f),
-            (d * h - e * g, b * g - a * h, a * e - b * d),
-        )
-    )
+    if is_flat(p, q, r) or is_flat(q, r, o) or is_flat(r, p, o) or is_flat(p, q, o):
+        return None
+    return doubled_area(q, r, o), doubled_area(r, p, o), doubled_area(p, q, o)
 
 
 def _normalised(h: FloatArray) -> FloatArray:
-    norm = float(np.sqrt(np.sum(h * h)))
+    norm = math.sqrt(float(np.vdot(h, h)))
     return h / (norm if h[2, 2] >= 0.0 else -norm)

@@ -7,8 +7,10 @@ import numpy as np
 from ransac_fix.reference.interface import FloatArray
 
 _STEPS = 100
-# A step that lowers the cost by less than this fraction is the last.
+# A step that lowers the cost by less than this fraction is the last, and residuals this small
+# are rounding.
 _CONVERGED = 1e-14
+_ROUNDING = 1e-15
 
 
 def minimise(
@@ -35,7 +37,7 @@ def minimise(
     cost = float(residuals @ residuals)
     damping = 1e-4
     for _ in range(_STEPS):
-        if not np.isfinite(cost) or damping > 1e12:
+        if not _ROUNDING**2 * len(residuals) < cost < np.inf or damping > 1e8:
             break
         normal = jacobian.T @ jacobian
         weights = np.maximum(np.diag(normal), 1e-12)
