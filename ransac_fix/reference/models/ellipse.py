@@ -41,6 +41,8 @@ class Ellipse:
             two coincide) or no ellipse.
         """
         centre, scale = centre_and_scale(sample)
+        if not scale < math.inf:  # beyond floating point
+            return ()
         x, y = ((sample - centre) / scale).T
         monomials = np.stack((x * x, x * y, y * y, x, y, np.ones(5)), axis=1)
         _, spread, rows = np.linalg.svd(monomials, full_matrices=True)
@@ -159,36 +161,42 @@ def _nearest(ellipse: FloatArray, data: FloatArray) -> tuple[FloatArray, FloatAr
 
     Notes
     -----
-    The nearest point is ``(a**2 x / (t + a**2), b**2 y / (t + b**2))`` for the largest root t of
-    ``(a x / (t + a**2))**2 + (b y / (t + b**2))**2 = 1`` (D. Eberly, "Distance from a Point to
-    an Ellipse, an Ellipsoid, or a Hyperellipsoid"). Right of -b**2 the left side is convex and
-    falls, so Newton's method from a lower bound of the root rises to it and cannot overshoot.
+    For the point (x, y), both not negative, and ``a >= b``, the nearest is
+    ``(a**2 x / (t + a**2 - b**2), b**2 y / t)`` with the largest root t of
+    ``(a x / (t + a**2 - b**2))**2 + (b y / t)**2 = 1`` (after D. Eberly, "Distance from a Point
+    to an Ellipse, an Ellipsoid, or a Hyperellipsoid"). For t > 0 the left side is convex and
+    falls, and either term alone gives a lower bound of the root, from which Newton's method rises
+    to it and cannot overshoot.
     """
     points = _local(ellipse, data)
-    axes = np.abs(ellipse[2:4])
-    folded = np.abs(points)
-    squares = axes * axes
-    products = folded * axes
-    t = np.max(products - squares, axis=1)
+    a, b = np.abs(ellipse[2:4]).tolist()
+    x, y = np.abs(points).T
+    # Only the longer axis has a gap; a and b may come in either order from a refit's steps.
+    gap_x, gap_y = max(a - b, 0.0) * (a + b), max(b - a, 0.0) * (a + b)
+    ax, by = a * x, b * y
+    t = np.maximum(ax - gap_x, by - gap_y)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(100):
-            shifted = t[:, None] + squares
-            terms = (products / shifted) ** 2
-            excess = terms.sum(axis=1) - 1.0
-            step = excess / (2.0 * (terms / shifted).sum(axis=1))
-            risen = np.where(step > 0.0, t + step, t)  # false for NaN: on the major axis
+            over_x, over_y = 1.0 / (t + gap_x), 1.0 / (t + gap_y)
+            term_x, term_y = (ax * over_x) ** 2, (by * over_y) ** 2
+            excess = term_x + term_y - 1.0
+            step = 0.5 * excess / (term_x * over_x + term_y * over_y)
+            risen = np.where(step > 0.0, t + step, t)  # false for NaN: on an axis
             if np.array_equal(risen, t):
                 break
             t = risen
-        nearest = squares * folded / (t[:, None] + squares)
-    # A point on an axis, inside the evolute: its own coordinate there is 0 / 0.
-    for axis in (0, 1):
-        lost = ~np.isfinite(nearest[:, axis])
-        if lost.any():
-            rest = nearest[lost, 1 - axis] / axes[1 - axis]
-            nearest[lost, axis] = axes[axis] * np.sqrt(np.maximum(0.0, 1.0 - rest * rest))
-    nearest = np.copysign(nearest, points)
-    normals = nearest / squares
+        near_x, near_y = a * ax / (t + gap_x), b * by / (t + gap_y)
+    # A coordinate that is 0 / 0 is a point's on an axis, within the evolute.
+    lost = np.isnan(near_x)
+    if lost.any():
+        rest = np.nan_to_num(near_y[lost] / b)  # the centre of a circle has lost both
+        near_x[lost] = a * np.sqrt(np.maximum(0.0, 1.0 - rest * rest))
+    lost = np.isnan(near_y)
+    if lost.any():
+        rest = near_x[lost] / a
+        near_y[lost] = b * np.sqrt(np.maximum(0.0, 1.0 - rest * rest))
+    nearest = np.copysign(np.column_stack((near_x, near_y)), points)
+    normals = nearest / (a * a, b * b)
     normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
     return points, nearest, normals
 

@@ -21,12 +21,10 @@ def doubled_area(p: Point, q: Point, r: Point) -> float:
 
 def is_flat(p: Point, q: Point, r: Point) -> bool:
     """Return whether three points in the plane are collinear or coincide, at any scale."""
-    longest = max(
-        (q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2,
-        (r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2,
-        (r[0] - q[0]) ** 2 + (r[1] - q[1]) ** 2,
-    )
-    return abs(doubled_area(p, q, r)) <= FLAT * longest
+    x1, y1, x2, y2 = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
+    x3, y3 = x2 - x1, y2 - y1
+    longest = max(x1 * x1 + y1 * y1, x2 * x2 + y2 * y2, x3 * x3 + y3 * y3)
+    return abs(x1 * y2 - y1 * x2) <= FLAT * longest
 
 
 def centre_and_scale(points: FloatArray) -> tuple[FloatArray, float]:

@@ -1,5 +1,6 @@
 """A plane in space."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,11 +35,12 @@ class Plane:
         x1, y1, z1 = x1 - x, y1 - y, z1 - z
         x2, y2, z2 = x2 - x, y2 - y, z2 - z
         a, b, c = y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2
-        area = (a * a + b * b + c * c) ** 0.5
+        area = math.hypot(a, b, c)
+        x3, y3, z3 = x2 - x1, y2 - y1, z2 - z1
         longest = max(
             x1 * x1 + y1 * y1 + z1 * z1,
             x2 * x2 + y2 * y2 + z2 * z2,
-            (x2 - x1) ** 2 + (y2 - y1) ** 2 + (z2 - z1) ** 2,
+            x3 * x3 + y3 * y3 + z3 * z3,
         )
         if area <= FLAT * longest:
             return ()
