@@ -282,7 +282,7 @@ def test_a_bound_tested_on_improvement_alone_runs_to_its_cap() -> None:
 
 
 def test_the_rule_is_asked_when_the_model_in_hand_changes() -> None:
-    asked: list[tuple[object, ...]] = []
+    asked: list[tuple[Any, ...]] = []
 
     def rule(*arguments: Any) -> int | float:
         asked.append(arguments)
@@ -510,7 +510,8 @@ def test_all_models_of_a_sample_are_verified() -> None:
     result = ransac(data, model, residual_threshold=1e-9, min_trials=100, on_trial=watch, rng=0)
     assert right_was == {0, 1}
     assert result.n_inliers == 7
-    np.testing.assert_allclose(result.model, (0.5, -0.25), atol=1e-12)
+    assert result.model is not None
+    np.testing.assert_allclose(result.model, np.array((0.5, -0.25)), atol=1e-12)
     assert result.refit is None
 
 

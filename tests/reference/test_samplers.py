@@ -24,7 +24,7 @@ from ransac_fix.reference import samplers as samplers_module
 STRATA = [([4, 0, 6, 1], 2), ([2, 5, 3], 1)]
 
 # A sampler, and every ordered draw it can make.
-SPACES = {
+SPACES: dict[str, tuple[Sampler, list[tuple[int, ...]]]] = {
     "distinct": (DistinctSampler(5, 3), list(itertools.permutations(range(5), 3))),
     "distinct, all": (DistinctSampler(4, 4), list(itertools.permutations(range(4)))),
     "distinct, one": (DistinctSampler(7, 1), [(i,) for i in range(7)]),

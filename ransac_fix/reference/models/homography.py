@@ -115,7 +115,8 @@ class Homography:
                 np.column_stack((nothing, points, -y2[:, None] * points)),
             )
         )
-        _, spread, rows = np.linalg.svd(equations, full_matrices=True)
+        triangle = np.linalg.qr(equations, mode="r")  # same null space, however many matches
+        _, spread, rows = np.linalg.svd(triangle)
         if spread[7] <= 1e-9 * spread[0]:
             return None
 

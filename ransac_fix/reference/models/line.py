@@ -42,14 +42,21 @@ class Line:
         return distances
 
     def refit(self, data: FloatArray) -> FloatArray | None:
-        """Return the line with the least sum of squared distances, None if all points coincide.
+        """Return the line with the least sum of squared distances.
 
         Parameters
         ----------
         data : ndarray of shape (n, 2)
+
+        Returns
+        -------
+        ndarray of shape (3,) or None
+            None if the points coincide or are fewer than two.
         """
+        if len(data) < self.sample_size:
+            return None
         centre = data.mean(axis=0)
-        _, spread, axes = np.linalg.svd(data - centre, full_matrices=True)
+        _, spread, axes = np.linalg.svd(data - centre, full_matrices=False)
         if spread[0] == 0.0:
             return None
         normal = axes[1]

@@ -62,12 +62,12 @@ class Plane:
         Returns
         -------
         ndarray of shape (4,) or None
-            None if the points are collinear.
+            None if the points are collinear or fewer than three.
         """
         if len(data) < self.sample_size:
             return None
         centre = data.mean(axis=0)
-        _, spread, axes = np.linalg.svd(data - centre)
+        _, spread, axes = np.linalg.svd(data - centre, full_matrices=False)
         if spread[1] <= FLAT * spread[0]:
             return None
         normal = axes[2]
