@@ -13,6 +13,7 @@ from ransac_fix.errors import RansacFixError
 # stands here so that `ransac-fix --help` imports no command.
 _COMMANDS: dict[str, tuple[str, str]] = {
     "explain": ("explain", "What both stopping rules do on your own numbers."),
+    "run": ("run", "Run a Python program with its libraries patched."),
     "reproduce": ("reproduce", "Compute the paper's figures and tables again."),
 }
 
