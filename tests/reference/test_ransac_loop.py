@@ -324,6 +324,7 @@ def test_the_minimum_and_the_maximum_bind() -> None:
         ({"strategy": "enumerate"}, 28, "enumerated"),
         ({"max_trials": 40}, 40, "max_trials"),
         ({"max_trials": 40, "strategy": "auto"}, 28, "enumerated"),
+        ({"max_trials": 28, "strategy": "auto"}, 28, "enumerated"),
         ({"max_trials": 9, "strategy": "auto"}, 9, "max_trials"),
         ({"min_trials": 50}, 50, "n_subsets"),
         ({"sampler": ReplacementSampler(8, 2)}, 28, "n_subsets"),
