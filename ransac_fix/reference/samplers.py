@@ -187,7 +187,7 @@ class StratifiedSampler:
 
     Notes
     -----
-    OpenGV's MultiRansac and hybrid estimators draw so; METHOD.md calls it "exact, stratified".
+    OpenGV's MultiRansac and the hybrid estimators of RansacLib and PoseLib draw so.
     """
 
     def __init__(self, strata: Sequence[tuple[npt.ArrayLike, int]]) -> None:
