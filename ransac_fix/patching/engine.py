@@ -76,7 +76,7 @@ class _System:
         except PatchNotApplicable as error:
             self.plans.pop(name, None)
             self.refusal = str(error)
-        except Exception as error:  # noqa: BLE001 -- a plugin's plan may be a stranger's code
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- may be a stranger's code
             self.plans.pop(name, None)
             self.refusal = f"its patch failed with {type(error).__name__}: {error}"
         else:

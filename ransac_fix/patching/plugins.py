@@ -32,7 +32,7 @@ def discover() -> Plugins:
     for point in points:
         try:
             patch = _load(point)
-        except Exception as error:  # noqa: BLE001 -- a stranger's code
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- a stranger's code
             broken[point.name] = f"{point.value} cannot be loaded: {_line(error)}"
             continue
         if patch.system not in patches:

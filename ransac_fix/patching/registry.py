@@ -69,9 +69,11 @@ def install(
 def remove(system: str, *, copies: bool) -> None:
     """Put the originals of one system back, except where other code has wrapped the stand-in."""
     for place in places(system):
-        if vars(place.holder).get(place.name) is place.replaced:
+        current = vars(place.holder).get(place.name)
+        if current is place.replaced:
             _put(place, place.replaced, place.original, copies=copies)
-        elif not place.installed:  # the library was reloaded, or someone else's function is there
+        elif current is not place.original and not place.installed:
+            # The library was reloaded, or someone else's function is there.
             del _PLACES[id(place.holder), place.name]
 
 
@@ -110,7 +112,7 @@ def _put(place: Place, old: Any, new: Any, *, copies: bool) -> None:
 
 def _namespaces() -> Iterator[dict[str, Any]]:
     # Not `module.__dict__`: that would make a lazily loaded module load itself.
-    namespace_of = ModuleType.__dict__["__dict__"].__get__
+    namespace_of: Any = vars(ModuleType)["__dict__"].__get__
     for module in list(sys.modules.values()):
         if isinstance(module, ModuleType):
             yield namespace_of(module)

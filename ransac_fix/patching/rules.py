@@ -120,15 +120,14 @@ def examine(rule: Rule, name: str) -> RuleFacts:
             f"{name}{_KNOWN[0]} gives {values[0]!r}, and {name}{_KNOWN[1]} gives {values[1]!r}:"
             " that is neither the approximate nor the exact number of trials"
         )
-    sure = _call(rule, 5, 10, 2, 1)
-    has_answer = isinstance(sure, BaseException) or not math.isfinite(sure)
-    largest = _call(rule, 1, 10**9, 20, 0.5)
-    limited = not isinstance(largest, BaseException) and 0 < largest < math.inf
+    has_answer = not math.isfinite(_number(_call(rule, 5, 10, 2, 1)))
+    largest = _number(_call(rule, 1, 10**9, 20, 0.5))
+    limited = 0 < largest < math.inf and largest == _number(_call(rule, 1, 10**9, 19, 0.5))
     return RuleFacts(
         assumes=assumes,
         number=type(values[0]),
         highest_confidence=None if has_answer else 1.0 - sys.float_info.epsilon,
-        limit=float(largest) if limited else None,
+        limit=largest if limited else None,
     )
 
 
@@ -219,10 +218,18 @@ def _call(rule: Rule, *args: object) -> Any:
         return error
 
 
+def _number(value: Any) -> float:
+    """Return what a rule returned as a float, not a number where it returned none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def _all_near(values: list[Any], law: Callable[..., int | float]) -> bool:
     """Return whether all values follow the law, up to rounding and an offset of one."""
     return all(
-        not isinstance(value, BaseException) and abs(float(value) - law(*known)) <= 1.0
+        abs(_number(value) - law(*known)) <= 1.0
         for value, known in zip(values, _KNOWN, strict=True)
     )
 

@@ -1,0 +1,232 @@
+"""Draw the trials that a compiled library left out.
+
+A stopping rule inside compiled code cannot be replaced. Its wrapper runs the library, reads the
+number of inliers from the result, and asks `missing_trials` whether the trials that the library's
+own rule asked for keep the promise that its caller paid for. Where they do not, `complete` draws
+the missing ones, and no others, on samples the first run has not seen, and keeps the better model
+by the library's own measure.
+
+What the user set as a limit always wins: the first run and the missing trials together never
+exceed it.
+"""
+
+import os
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf, log1p
+from typing import Any, Generic, Literal, TypeVar
+
+from ransac_fix.criterion import all_inlier_probability, required_trials
+from ransac_fix.errors import RansacFixError, RansacFixWarning
+
+__all__ = [
+    "DEFAULT_SLACK",
+    "Attempt",
+    "Promise",
+    "complete",
+    "missing_trials",
+    "set_slack",
+    "slack",
+]
+
+Result = TypeVar("Result")
+
+DEFAULT_SLACK = 0.1
+SLACK_VARIABLE = "RANSAC_FIX_SLACK"
+
+# What stands in for a limit where the user set none: the larger of a number of trials (the limit
+# that COLMAP and PoseLib have by default) and a multiple of what the library ran.
+_UNLIMITED = 2**31 - 1
+_TRIALS_WITHOUT_LIMIT = 100_000
+_RUNS_WITHOUT_LIMIT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """What a call asks for, as `ransac_fix.criterion.required_trials` takes it.
+
+    Parameters
+    ----------
+    n_samples, sample_size, confidence
+        n, k and s of the call.
+    max_trials : float
+        The user's limit, or the library's default for it; infinity where there is none.
+    sampling : "distinct" or "replacement", default "distinct"
+        How the library draws a sample.
+    """
+
+    n_samples: int
+    sample_size: int
+    confidence: float
+    max_trials: float
+    sampling: Literal["distinct", "replacement"] = "distinct"
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt(Generic[Result]):
+    """One run of the library.
+
+    Parameters
+    ----------
+    result : object
+        What the library returned.
+    n_inliers : int
+        Inliers of its model; 0 where it found none.
+    trials : int
+        How many trials it ran. Where the library does not say, what its rule asks for with
+        `n_inliers` in hand, up to its limit: it may have run more, never fewer.
+    """
+
+    result: Result
+    n_inliers: int
+    trials: float
+
+
+@lru_cache(maxsize=8192)
+def missing_trials(
+    n_inliers: int,
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    trials: float,
+    max_trials: float,
+    slack: float,
+    sampling: Literal["distinct", "replacement"] = "distinct",
+) -> int:
+    """Return how many more trials the promise needs: 0 where `trials` are good enough.
+
+    Parameters
+    ----------
+    n_inliers : int
+        Inliers of the model in hand. Fewer than `sample_size` count as `sample_size`: the model
+        came from a sample, whatever a refinement has made of it since.
+    n_samples, sample_size, confidence, max_trials, sampling
+        As in `Promise`.
+    trials : float
+        Trials run so far.
+    slack : float
+        The relative excess of the failure probability over ``1 - confidence`` that is good
+        enough.
+
+    Returns
+    -------
+    int
+        ``required_trials(...) - trials``, or what `max_trials` leaves of it.
+    """
+    if trials >= max_trials or n_samples < sample_size or confidence <= 0:
+        return 0
+    n_inliers = min(max(n_inliers, sample_size), n_samples)
+    needed = required_trials(n_inliers, n_samples, sample_size, confidence, sampling=sampling)
+    if trials >= needed:
+        return 0
+    if slack > 0 and confidence < 1:
+        chance = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
+        if chance < 1 and trials * log1p(-chance) <= log1p(-confidence) + log1p(slack):
+            return 0
+    left = min(needed, max_trials) - trials
+    return int(left) if left < _UNLIMITED else _UNLIMITED
+
+
+def complete(
+    first: Attempt[Result],
+    promise: Promise,
+    run: Callable[[int, int], Attempt[Result]],
+    is_better: Callable[[Result, Result], bool],
+) -> Result:
+    """Return the library's result, after the missing trials where there are any.
+
+    Parameters
+    ----------
+    first : Attempt
+        The run that the user asked for.
+    promise : Promise
+        What it was to keep.
+    run : callable
+        ``run(trials, round)`` runs the library for so many trials on fresh samples; `round`
+        counts from 1, to derive a seed or a permutation from. A library whose rule cannot be
+        kept from stopping early may run fewer trials: it is called again for the rest.
+    is_better : callable
+        ``is_better(new, best)`` compares two results by the library's own measure. Ties keep the
+        earlier result.
+
+    Returns
+    -------
+    object
+        The result of `first`, the same object, unless a later run found a better model.
+
+    Warns
+    -----
+    RansacFixWarning
+        Where there is no limit on trials and the exact number was cut short.
+    """
+    best, trials, runs = first, first.trials, 0
+    limit = promise.max_trials
+    if limit >= _UNLIMITED:
+        limit = max(_TRIALS_WITHOUT_LIMIT, _RUNS_WITHOUT_LIMIT * first.trials)
+    while missing := missing_trials(
+        best.n_inliers,
+        promise.n_samples,
+        promise.sample_size,
+        promise.confidence,
+        trials,
+        limit,
+        _slack,
+        promise.sampling,
+    ):
+        runs += 1
+        attempt = run(missing, runs)
+        trials += max(attempt.trials, 1)
+        if is_better(attempt.result, best.result):
+            best = attempt
+    if runs and limit != promise.max_trials and trials >= limit:
+        warnings.warn(
+            f"stopped after {trials:.0f} trials with {best.n_inliers} of {promise.n_samples}"
+            " inliers, before the exact number: set a maximum number of trials to choose another"
+            " bound",
+            RansacFixWarning,
+            stacklevel=4,
+        )
+    return best.result
+
+
+def slack() -> float:
+    """Return the relative excess of failure probability that is accepted without more trials.
+
+    0.1 unless set: with a confidence of 0.99, a failure probability of up to 1.1 % is accepted.
+    """
+    return _slack
+
+
+def set_slack(value: float) -> None:
+    """Set `slack`, in this process and in those started from it.
+
+    Parameters
+    ----------
+    value : float
+        0 for the exact number of trials.
+
+    Raises
+    ------
+    RansacFixError
+        If it is negative or not a number.
+    """
+    global _slack
+    _slack = _checked(value, "slack")
+    os.environ[SLACK_VARIABLE] = repr(_slack)
+
+
+def _checked(value: object, name: str) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = -1.0
+    if not 0 <= number < inf:
+        raise RansacFixError(
+            f"{name} must be a number that is not negative, such as 0.1, not {value!r}"
+        )
+    return number
+
+
+_slack = _checked(os.environ.get(SLACK_VARIABLE, DEFAULT_SLACK), SLACK_VARIABLE)
