@@ -1,8 +1,18 @@
 """``ransac-fix reproduce``: the paper's figures and tables, computed again."""
 
+from decimal import Decimal
+from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from ransac_fix.cli.progress import progress_bar
+from ransac_fix.errors import RansacFixError
+
+if TYPE_CHECKING:
+    from ransac_fix.experiments.synthetic.setup import Shape
 
 
 @click.group()
@@ -32,3 +42,179 @@ def _theory_figure(name: str, line: str) -> None:
 _theory_figure("figure-error", "Relative error of p^k over k and p, at n = 50 and 500.")
 _theory_figure("figure-success", "True success of the p^k rule over n, for several k and p.")
 _theory_figure("figure-undersampling", "Undersampling over n at s = 0.99 and k = 5.")
+
+
+def _synthetic(shape: "Shape", line: str) -> None:
+    from_the_paper = "" if shape == "line" else ", geometric or Sampson's"
+
+    @command.command(shape, help=line)
+    @click.option(
+        "--instances",
+        type=click.IntRange(2),
+        default=100_000,
+        show_default=True,
+        help="Instances of each row.",
+    )
+    @click.option(
+        "--n",
+        "n_samples",
+        type=click.IntRange(10, 100_000),
+        default={"line": 50, "ellipse": 100}[shape],
+        show_default=True,
+        help="Measurements.",
+    )
+    @click.option(
+        "--inlier-ratio",
+        "ratios",
+        multiple=True,
+        default=("0.2", "0.3", "0.4", "0.5"),
+        show_default=True,
+        metavar="DECIMAL",
+        help="A row's ratio of inliers. Several times for several rows.",
+    )
+    @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+    @click.option(
+        "--noise",
+        type=click.Choice(["determinant", "variance", "deviation"]),
+        default="determinant",
+        show_default=True,
+        help="What of the noise is uniform in [0.5, 2].",
+    )
+    @click.option(
+        "--placement",
+        type=click.Choice(["free", "whole"]),
+        default="free",
+        show_default=True,
+        help="Segments between uniform points, or whole chords; ellipses anywhere, or wholly in "
+        "the box.",
+    )
+    @click.option(
+        "--ties",
+        type=click.Choice(["first", "inliers", "all"]),
+        default="inliers",
+        show_default=True,
+        help="Of two models with as many inliers: the first, or the one with smaller residuals "
+        "of its inliers, or of all.",
+    )
+    @click.option(
+        "--distance",
+        type=click.Choice(["geometric", "sampson"]),
+        default="geometric",
+        show_default=True,
+        help=f"Who is an inlier{from_the_paper}.",
+        hidden=shape == "line",
+    )
+    @click.option(
+        "--error",
+        type=click.Choice(["euclidean", "whitened"]),
+        default="euclidean",
+        show_default=True,
+        help="Unit of the errors in the AUC.",
+    )
+    @click.option(
+        "--streams",
+        type=click.Choice(["shared", "own"]),
+        default="shared",
+        show_default=True,
+        help="Whether both rules read the same samples.",
+    )
+    @click.option(
+        "--variants",
+        is_flag=True,
+        help="One line for each plausible reading of the paper, in place of the table.",
+    )
+    @click.option(
+        "--results",
+        type=click.Path(file_okay=False, path_type=Path),
+        help="Keep finished chunks in this folder, and run only those that are not there.",
+    )
+    @click.option("--jobs", type=int, default=-1, help="Workers; one a core by default.")
+    @click.option("--dask", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
+    @click.option(
+        "--output-format",
+        type=click.Choice(["text", "markdown", "json"]),
+        default="text",
+        show_default=True,
+    )
+    def synthetic(
+        instances: int,
+        n_samples: int,
+        ratios: tuple[str, ...],
+        seed: int,
+        variants: bool,
+        results: Path | None,
+        jobs: int,
+        dask: str | None,
+        output_format: str,
+        **choices: str,
+    ) -> None:
+        if jobs == 0:
+            raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
+        if variants and output_format == "json":
+            raise click.UsageError("--variants has no JSON: choose text or markdown")
+        _need("numba")
+        from ransac_fix.experiments.synthetic.engine import run_setups
+        from ransac_fix.experiments.synthetic.setup import SAMPLE_SIZE, Setup, paper_row
+        from ransac_fix.experiments.synthetic.tables import summarise, with_changes
+        from ransac_fix.experiments.synthetic.tables import variants as all_variants
+        from ransac_fix.report import synthetic as report
+
+        rows = [
+            with_changes(Setup(shape, n_samples, _row_inliers(ratio, n_samples)), choices)
+            for ratio in ratios
+        ]
+        if any(row.n_inliers < SAMPLE_SIZE[shape] for row in rows):
+            raise click.UsageError(f"--inlier-ratio: fewer than {SAMPLE_SIZE[shape]} inliers")
+        if variants and not all(paper_row(row) for row in rows):
+            raise click.UsageError("--variants compares with the paper: leave n and p as given")
+        named = list(all_variants(shape)) if variants else [("", {})]
+        setups = [with_changes(row, changes) for _, changes in named for row in rows]
+        with progress_bar(f"{shape}, {instances:,} instances a row") as progress:
+            runs = run_setups(
+                setups,
+                instances,
+                seed=seed,
+                folder=results,
+                n_jobs=jobs,
+                dask_scheduler=dask,
+                progress=progress,
+            )
+        table = [summarise(setup, run) for setup, run in zip(setups, runs, strict=True)]
+        if variants:
+            per_variant = [
+                (name, table[i * len(rows) : (i + 1) * len(rows)])
+                for i, (name, _) in enumerate(named)
+            ]
+            click.echo(report.variants_table(per_variant, markdown=output_format == "markdown"))
+            return
+        formats = {
+            "text": report.synthetic_text,
+            "markdown": report.synthetic_markdown,
+            "json": report.synthetic_json,
+        }
+        click.echo(formats[output_format](table))
+
+
+def _row_inliers(ratio: str, n_samples: int) -> int:
+    from ransac_fix.experiments.explanation import inliers_from_ratio
+
+    try:
+        number = Fraction(Decimal(ratio))
+        if not 0 < number <= 1:
+            raise ValueError(f"{ratio} is not in (0, 1]")
+        return inliers_from_ratio(number, n_samples)
+    except (ValueError, ArithmeticError) as error:
+        raise click.UsageError(f"--inlier-ratio {ratio}: {error}") from None
+
+
+def _need(*modules: str) -> None:
+    """Raise a RansacFixError that names the extra if a module is not installed."""
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise RansacFixError(
+            f"this needs {', '.join(missing)}: pip install 'ransac-fix[reproduce]'"
+        )
+
+
+_synthetic("line", "The paper's table of 2D lines.")
+_synthetic("ellipse", "The paper's table of 2D ellipses.")

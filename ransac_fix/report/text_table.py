@@ -64,3 +64,16 @@ def probability_text(value: float) -> str:
         miss = 1 - value
         return f"1 - {miss:.2g}" if miss < 1e-6 else f"{value:.6f}"
     return f"{value:.4g}" if value < 0.1 else f"{value:.4f}"
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> str:
+    """Return the same table as Markdown.
+
+    Parameters
+    ----------
+    header, rows, left
+        As in `text_table`, but a title may not hold line breaks.
+    """
+    rule = ["---" if i < left else "---:" for i in range(len(header))]
+    lines = [header, rule, *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)

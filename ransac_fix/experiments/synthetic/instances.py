@@ -1,0 +1,89 @@
+"""Synthetic problem instances, each from its own seed."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ransac_fix.experiments.synthetic.setup import HALF_BOX, NOISE_RANGE, Setup
+
+FloatArray = NDArray[np.float64]
+
+# The power of a number uniform in NOISE_RANGE that is the deviation.
+_NOISE_POWER = {"determinant": 0.25, "variance": 0.5, "deviation": 1.0}
+_SHAPE_STREAM = {"line": 1, "ellipse": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One problem.
+
+    Parameters
+    ----------
+    truth : ndarray of shape (n_inliers, 2)
+        Points of the shape.
+    points : ndarray of shape (n_samples, 2)
+        Measurements: the points with noise, then the outliers.
+    deviation : float
+        Standard deviation of the noise along each axis.
+    streams : tuple of uint64
+        Seeds of two streams of samples.
+    """
+
+    truth: FloatArray
+    points: FloatArray
+    deviation: float
+    streams: tuple[np.uint64, np.uint64]
+
+
+def make_instance(setup: Setup, seed: int, index: int) -> Instance:
+    """Return instance number `index`; it depends on these arguments alone.
+
+    Parameters
+    ----------
+    setup : Setup
+        What it is like. Setups that differ only in how models are compared or judged share
+        their instances.
+    seed, index : int
+        Not negative.
+    """
+    rng = np.random.default_rng([seed, _SHAPE_STREAM[setup.shape], setup.n_inliers, index])
+    deviation = rng.uniform(*NOISE_RANGE) ** _NOISE_POWER[setup.noise]
+    first, second = rng.integers(2**64, size=2, dtype=np.uint64)
+    truth = _on_segment(rng, setup) if setup.shape == "line" else _on_ellipse(rng, setup)
+    noisy = truth + rng.normal(0.0, deviation, truth.shape)
+    outliers = rng.uniform(-HALF_BOX, HALF_BOX, (setup.n_samples - setup.n_inliers, 2))
+    return Instance(truth, np.concatenate((noisy, outliers)), deviation, (first, second))
+
+
+def _on_segment(rng: np.random.Generator, setup: Setup) -> FloatArray:
+    ends = rng.uniform(-HALF_BOX, HALF_BOX, (2, 2))
+    if setup.placement == "whole":
+        ends = _chord(ends)
+    along: FloatArray = rng.uniform(size=(setup.n_inliers, 1))
+    points: FloatArray = ends[0] + along * (ends[1] - ends[0])
+    return points
+
+
+def _chord(ends: FloatArray) -> FloatArray:
+    """Return where the line through two points of the box leaves it."""
+    direction = ends[1] - ends[0]
+    with np.errstate(divide="ignore"):
+        at_walls = (np.array([[-HALF_BOX], [HALF_BOX]]) - ends[0]) / direction
+    start, stop = at_walls.min(axis=0).max(), at_walls.max(axis=0).min()
+    return np.stack((ends[0] + start * direction, ends[0] + stop * direction))
+
+
+def _on_ellipse(rng: np.random.Generator, setup: Setup) -> FloatArray:
+    while True:
+        centre = rng.uniform(-HALF_BOX, HALF_BOX, 2)
+        first, second = rng.uniform(0.0, HALF_BOX, 2)
+        angle = rng.uniform(0.0, math.pi)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        reach = np.hypot((first * cosine, first * sine), (second * sine, second * cosine))
+        if setup.placement == "free" or np.all(np.abs(centre) + reach <= HALF_BOX):
+            break
+    around = rng.uniform(0.0, 2.0 * math.pi, setup.n_inliers)
+    u, v = first * np.cos(around), second * np.sin(around)
+    return np.stack((centre[0] + cosine * u - sine * v, centre[1] + sine * u + cosine * v), axis=1)

@@ -1,0 +1,90 @@
+"""The synthetic tables: instances to numbers with intervals, and the variants of the setup."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ransac_fix.experiments.intervals import Estimate, mean, relative_change
+from ransac_fix.experiments.synthetic.runs import Runs
+from ransac_fix.experiments.synthetic.setup import PaperRow, Setup, Shape, paper_row
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row of a synthetic table.
+
+    Parameters
+    ----------
+    setup : Setup
+        What was run.
+    n_instances : int
+        How often.
+    approximate, exact : tuple of Estimate
+        AUC at 1, 2, 3 in percent.
+    change : tuple of Estimate
+        Exact relative to approximate, paired, in percent.
+    trials : tuple of float
+        Mean trials of the approximate and the exact rule.
+    more_trials : Estimate
+        N_e/a in percent: all trials of the exact rule relative to all of the approximate one.
+    more_trials_an_instance : Estimate
+        The mean over instances of their own N_e/a in percent.
+    tests : int
+        Tests of a point against a model.
+    paper : PaperRow or None
+        The paper's row.
+    """
+
+    setup: Setup
+    n_instances: int
+    approximate: tuple[Estimate, ...]
+    exact: tuple[Estimate, ...]
+    change: tuple[Estimate, ...]
+    trials: tuple[float, float]
+    more_trials: Estimate
+    more_trials_an_instance: Estimate
+    tests: int
+    paper: PaperRow | None
+
+
+def summarise(setup: Setup, runs: Runs) -> Row:
+    """Return the table's row for the runs of one setup."""
+    approximate, exact = runs.gains[:, 0], runs.gains[:, 1]
+    trials = runs.trials.astype(float)
+    n = range(approximate.shape[1])
+    return Row(
+        setup=setup,
+        n_instances=len(trials),
+        approximate=tuple(mean(approximate[:, i]).times(100) for i in n),
+        exact=tuple(mean(exact[:, i]).times(100) for i in n),
+        change=tuple(relative_change(approximate[:, i], exact[:, i]).times(100) for i in n),
+        trials=(float(trials[:, 0].mean()), float(trials[:, 1].mean())),
+        more_trials=relative_change(trials[:, 0], trials[:, 1]).times(100),
+        more_trials_an_instance=mean(trials[:, 1] / trials[:, 0] - 1).times(100),
+        tests=int(runs.tests.sum()),
+        paper=paper_row(setup),
+    )
+
+
+def paper_change(paper: PaperRow, i: int) -> float:
+    """Return the paper's relative improvement of the i-th AUC in percent."""
+    return 100 * (paper.exact[i] / paper.approximate[i] - 1)
+
+
+def variants(shape: Shape) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield each plausible reading of the paper: a name, and what differs from the default."""
+    yield "as documented", {}
+    yield "ties: the first model stays", {"ties": "first"}
+    yield "ties: residuals of all measurements", {"ties": "all"}
+    placed = "whole chords of the box" if shape == "line" else "ellipses wholly in the box"
+    yield placed, {"placement": "whole"}
+    yield "noise: variance in [0.5, 2]", {"noise": "variance"}
+    yield "noise: deviation in [0.5, 2]", {"noise": "deviation"}
+    yield "AUC of whitened errors", {"error": "whitened"}
+    yield "each rule on its own samples", {"streams": "own"}
+    if shape == "ellipse":
+        yield "inliers by Sampson's distance", {"distance": "sampson"}
+
+
+def with_changes(setup: Setup, changes: dict[str, str]) -> Setup:
+    """Return the setup with the fields of a variant changed."""
+    return replace(setup, **changes)  # type: ignore[arg-type]
