@@ -1,1 +1,1 @@
-"""TODO."""
+"""The audit: planted problem, flip points, laws, verdict."""

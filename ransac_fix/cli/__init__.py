@@ -12,6 +12,7 @@ from ransac_fix.errors import RansacFixError
 # name -> (module under ransac_fix.cli holding `command`, the line `--help` shows). The line
 # stands here so that `ransac-fix --help` imports no command.
 _COMMANDS: dict[str, tuple[str, str]] = {
+    "audit": ("audit", "Measure which stopping rule the installed libraries obey."),
     "explain": ("explain", "What both stopping rules do on your own numbers."),
     "run": ("run", "Run a Python program with its libraries patched."),
     "reproduce": ("reproduce", "Compute the paper's figures and tables again."),

@@ -1,0 +1,166 @@
+"""From laws to a verdict: whether the probability assumed is the probability drawn."""
+
+from collections.abc import Sequence
+
+from ransac_fix.audit.defaults import rule_trials, standard_problems
+from ransac_fix.audit.laws import Fit, assumption, law_probability
+from ransac_fix.audit.model import AtDefaults, Judgement, Point, SamplerLaw, StoppingLaw
+from ransac_fix.criterion import all_inlier_probability, required_trials, success_probability
+
+_EQUAL = 1e-9
+
+
+def judge(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tuple[Judgement, str]:
+    """Return the verdict and its reason.
+
+    Parameters
+    ----------
+    found : Fit
+        Result of fitting the points.
+    sampler : SamplerLaw
+        The law of the draws.
+    points : sequence of Point
+        The evidence.
+    """
+    if sampler.drawn == "undecided":
+        return "not measured", (
+            f"the sampler could not be told from {sampler.runs} runs "
+            f"({sampler.hits} hits, {sampler.expected:g} expected)"
+        )
+    law = found.law
+    if law is None:
+        if found.rivals:
+            laws = " and ".join(rival.formula for rival in found.rivals[:3])
+            return "not measured", f"several laws fit the points: {laws}"
+        implied = ""
+        if found.implied_probability is not None:
+            first = points[0]
+            implied = (
+                f"; for {first.n_inliers} of {first.n} they imply "
+                f"P = {found.implied_probability:.4g}"
+            )
+        return "other rule", f"no known law passes through the points{implied}"
+    if sampler.drawn == "not uniform":
+        return "other rule", (
+            f"assumes P = {assumption(law)}, but samples are not drawn uniformly: "
+            f"{sampler.hits} hits in {sampler.runs} runs where {sampler.expected:g} are expected"
+        )
+    direction = _compare(law, sampler, points)
+    drawn = _drawing(sampler)
+    if direction == 0:
+        reason = f"assumes P = {assumption(law)}, and draws {drawn}"
+        verdict: Judgement = "exact"
+    elif direction is None:
+        reason = (
+            f"assumes P = {assumption(law)}, but draws {drawn}: now too few trials, now too many"
+        )
+        verdict = "other rule"
+    else:
+        verdict = "undersamples" if direction > 0 else "oversamples"
+        reason = f"assumes P = {assumption(law)}, but draws {drawn}: {_consequence(law, sampler)}"
+    if law.tested == "on improvement":
+        reason += "; it consults the rule only when the model in hand improves"
+        if verdict == "exact":
+            verdict = "oversamples"
+    return verdict, reason
+
+
+def advise(
+    verdict: Judgement, at_defaults: AtDefaults | None, max_trials_name: str, fixed_in: str | None
+) -> str:
+    """Return what a user can do, or an empty string.
+
+    Parameters
+    ----------
+    verdict : str
+        The verdict.
+    at_defaults : AtDefaults or None
+        What binds.
+    max_trials_name : str
+        How the library spells its cap.
+    fixed_in : str or None
+        First release with the exact rule.
+    """
+    parts = []
+    if verdict == "undersamples" and fixed_in:
+        parts.append(f"Fixed in {fixed_in}: upgrade.")
+    if at_defaults is not None:
+        parts += _limits(at_defaults, max_trials_name)
+    return " ".join(parts)
+
+
+def _limits(at_defaults: AtDefaults, max_trials_name: str) -> list[str]:
+    """Say where a default cap or floor matters more than the rule."""
+    parts = []
+    capped = [row for row in at_defaults.guarantees if row.binds == "maximum"]
+    short = [
+        row for row in capped if row.exact_trials is not None and row.exact_trials > row.trials
+    ]
+    if at_defaults.confidence >= 1 and capped:
+        parts.append(
+            f"With the default confidence of 1 the rule never ends a run, the cap of "
+            f"{at_defaults.max_trials:,} trials does: choose {max_trials_name} for your data."
+        )
+    elif short:
+        worst = max(short, key=lambda row: row.exact_trials or 0)
+        parts.append(
+            f"The default cap of {at_defaults.max_trials:,} trials matters more than the rule on "
+            f"hard problems: {worst.n_inliers} of {worst.n} need "
+            f"{max_trials_name}={worst.exact_trials} for s={worst.confidence:g}."
+        )
+    if any(row.binds == "minimum" for row in at_defaults.guarantees):
+        parts.append(
+            f"On easy problems the default minimum of {at_defaults.min_trials:,} trials matters "
+            "more than the rule."
+        )
+    return parts
+
+
+def _drawing(sampler: SamplerLaw) -> str:
+    how = "distinct indices" if sampler.drawn == "distinct" else "indices with replacement"
+    return f"{sampler.sample_size} {how}"
+
+
+def _compare(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> int | None:
+    """Return 1 where too much is assumed, -1 where too little, 0 for never, None for both."""
+    larger = smaller = False
+    measured = [(point.n, point.n_inliers) for point in points]
+    # Where truncation of I bites, too.
+    for n, n_inliers in (
+        *measured,
+        *standard_problems(sampler.sample_size),
+        (22, 15),
+        (44, 15),
+        (49, 8),
+        (98, 8),
+    ):
+        if n_inliers <= sampler.sample_size:
+            continue
+        true = _true_probability(sampler, n_inliers, n)
+        assumed = law_probability(law, n_inliers, n)
+        larger |= assumed > true * (1 + _EQUAL)
+        smaller |= assumed < true * (1 - _EQUAL)
+    if larger and smaller:
+        return None
+    return int(larger) - int(smaller)
+
+
+def _true_probability(sampler: SamplerLaw, n_inliers: int, n: int) -> float:
+    sampling = "replacement" if sampler.drawn == "replacement" else "distinct"
+    return all_inlier_probability(n_inliers, n, sampler.sample_size, sampling=sampling)  # type: ignore[arg-type]
+
+
+def _consequence(law: StoppingLaw, sampler: SamplerLaw) -> str:
+    """Say what the difference comes to on the first standard problem."""
+    n, n_inliers = standard_problems(sampler.sample_size)[0]
+    confidence = 0.99
+    sampling = "replacement" if sampler.drawn == "replacement" else "distinct"
+    k = sampler.sample_size
+    trials = rule_trials(law, n_inliers, n, confidence)
+    needed = required_trials(n_inliers, n, k, confidence, sampling=sampling)  # type: ignore[arg-type]
+    guarantee = success_probability(trials, n_inliers, n, k, sampling=sampling)  # type: ignore[arg-type]
+    return (
+        f"with {n_inliers} of {n} in hand and s={confidence:g} it stops after {trials} trials, "
+        f"{needed} are needed, and another set of {n_inliers} is missed "
+        f"with probability {1 - guarantee:.2g}"
+    )

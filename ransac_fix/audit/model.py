@@ -1,0 +1,268 @@
+"""What the audit reports: plain data, the model behind every output format."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+SCHEMA_VERSION: Literal[1] = 1
+
+Judgement: TypeAlias = Literal["exact", "undersamples", "oversamples", "other rule", "not measured"]
+
+Assumed: TypeAlias = Literal["approximate", "distinct", "replacement", "unknown"]
+"""The probability a stopping rule assumes: (I/n)^k, or that of a way of drawing."""
+
+Drawn: TypeAlias = Literal["distinct", "replacement", "not uniform", "undecided"]
+
+Binding: TypeAlias = Literal["rule", "minimum", "maximum"]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One exact point of a stopping rule.
+
+    Parameters
+    ----------
+    n : int
+        Measurements.
+    n_inliers : int
+        Inliers of the model that governed the rule, counted in the result of the run.
+    sample_size : int
+        k of the law found, or as documented where none was.
+    trials : int
+        The trial that the rule lets happen from `u` on.
+    u : float
+        -ln(1 - s) at which it does.
+    u_low : float
+        The highest -ln(1 - s) at which it was seen not to.
+    in_hand : int
+        The trial since which the model was in hand; 0 where it was not measured.
+    kind : str
+        ``"flip"``: read off outcomes. ``"count"``: the library reported its trials, or they were
+        counted.
+    """
+
+    n: int
+    n_inliers: int
+    sample_size: int
+    trials: int
+    u: float
+    u_low: float
+    in_hand: int
+    kind: Literal["flip", "count"]
+
+
+@dataclass(frozen=True, slots=True)
+class StoppingLaw:
+    """The stopping law that every point follows, up to its class.
+
+    Trial t happens while ``x > t - phi``, with ``x = multiplier * ln(1-s) / ln(1-P)``. So phi is
+    0 for rounding down, 1/2 for the nearest, 1 for rounding up, and one more for a test after
+    the trial in place of before it.
+
+    Parameters
+    ----------
+    assumed : str
+        The probability P assumed.
+    sample_size : int
+        k in P.
+    inlier_offset : int
+        Added to the number of inliers in P.
+    multiplier : float
+        Factor on the number of trials, with the library's own multiplier set to 1 where it has
+        one.
+    phi : tuple of float
+        Smallest and largest seen; they differ where one sample gives several models.
+    tested : str
+        ``"every trial"``, or ``"on improvement"`` for a rule that is consulted only when the
+        model in hand improves.
+    truncated : bool
+        Whether I is computed as ``int(I / n * n)`` and now and then comes out one too small.
+    formula : str
+        One representative of the class.
+    implied_probability : float or None
+        Where no law fits, the P that the points imply for the first (n, I) measured.
+    """
+
+    assumed: Assumed
+    sample_size: int
+    inlier_offset: int
+    multiplier: float
+    phi: tuple[float, float]
+    tested: Literal["every trial", "on improvement"]
+    truncated: bool
+    formula: str
+    implied_probability: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SamplerLaw:
+    """How minimal samples are drawn, from how often a planted group was hit.
+
+    Parameters
+    ----------
+    drawn : str
+        The law.
+    sample_size : int
+        Measurements in one sample.
+    hits, expected : int, float
+        Runs in which the planted group was found within the trials given to them, and how many
+        the law expects.
+    runs : int
+        How many runs there were.
+    interval : tuple of float
+        99 % interval of the chance to hit, relative to that of distinct uniform draws.
+    """
+
+    drawn: Drawn
+    sample_size: int
+    hits: int
+    expected: float
+    runs: int
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Guarantee:
+    """What a library's defaults promise for one (n, I, k, s).
+
+    Parameters
+    ----------
+    n, n_inliers, sample_size : int
+        The problem.
+    confidence : float
+        s, the library's default or the user's.
+    trials : int
+        Trials run once a model with `n_inliers` is in hand.
+    exact_trials : int or None
+        Trials that the exact rule asks for; None where it asks for infinitely many.
+    binds : str
+        What sets `trials`.
+    probability : float
+        With a model of I inliers in hand, the probability that one sample lay wholly within any
+        other set of I inliers.
+    """
+
+    n: int
+    n_inliers: int
+    sample_size: int
+    confidence: float
+    trials: int
+    exact_trials: int | None
+    binds: Binding
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class AtDefaults:
+    """What binds at the library's own defaults.
+
+    Parameters
+    ----------
+    confidence : float
+        Default s.
+    min_trials : int
+        Floor on the number of trials.
+    max_trials : int or None
+        Cap on it; None for none.
+    multiplier : float
+        Factor on the rule's number.
+    checked : bool or None
+        Whether runs with nothing set behaved as these values say; None where that was not
+        tried.
+    guarantees : tuple of Guarantee
+        At standard problems, then at the user's own.
+    """
+
+    confidence: float
+    min_trials: int
+    max_trials: int | None
+    multiplier: float
+    checked: bool | None
+    guarantees: tuple[Guarantee, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the audit found of one entry point.
+
+    Parameters
+    ----------
+    system, entry_point, version : str
+        What was measured.
+    verdict : str
+        Whether the probability that the stopping rule assumes is the probability that the
+        sampler has.
+    reason : str
+        Why, in one or two sentences.
+    advice : str
+        What a user can do; empty where nothing need be done.
+    sampler_law, stopping_law, at_defaults
+        The measurement; None where there is none.
+    points : tuple of Point
+        The evidence.
+    runs : int
+        Library runs spent.
+    seconds : float
+        Time spent.
+    """
+
+    system: str
+    entry_point: str
+    version: str | None
+    verdict: Judgement
+    reason: str
+    advice: str = ""
+    sampler_law: SamplerLaw | None = None
+    stopping_law: StoppingLaw | None = None
+    at_defaults: AtDefaults | None = None
+    points: tuple[Point, ...] = ()
+    runs: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A known law that the audit measured in the same run, to prove that it can.
+
+    Parameters
+    ----------
+    name : str
+        The law put in.
+    expected, identified : str
+        The law put in and the law found, in the words of `StoppingLaw.formula`.
+    passed : bool
+        Whether they are of one class.
+    runs : int
+        Runs spent.
+    """
+
+    name: str
+    expected: str
+    identified: str
+    passed: bool
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One audit.
+
+    Parameters
+    ----------
+    verdicts : tuple of Verdict
+        By system and entry point.
+    controls : tuple of Control
+        The known laws measured alongside.
+    not_installed : tuple of str
+        Systems with a probe that are not installed here.
+    runs : int
+        Library runs spent, controls included.
+    seconds : float
+        Time from start to end.
+    """
+
+    schema_version: Literal[1]
+    verdicts: tuple[Verdict, ...]
+    controls: tuple[Control, ...]
+    not_installed: tuple[str, ...]
+    runs: int
+    seconds: float

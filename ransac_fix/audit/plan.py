@@ -1,0 +1,148 @@
+"""Which planted problems to ask for: small, fast, and telling the laws apart."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One size of planted problem.
+
+    Parameters
+    ----------
+    n : int
+        Measurements.
+    group_size : int
+        Size of an A group; B has one more.
+    n_groups : int
+        A groups.
+    trials : int
+        How many trials a run is expected to take.
+    """
+
+    n: int
+    group_size: int
+    n_groups: int
+    trials: int
+
+
+# The inlier ratio must differ between the problems, or a factor passes for an exponent.
+_LENGTHS = (2.0, 1.0, 0.5)
+
+
+def settings(sample_size: int, typical_trials: int) -> tuple[Setting, ...]:
+    """Return problems on which B comes after about `typical_trials` trials.
+
+    Three sizes and ratios, so that no factor and shift can make one law look like another.
+
+    Parameters
+    ----------
+    sample_size : int
+        k.
+    typical_trials : int
+        How long a run may be.
+    """
+    chosen = []
+    for size, length in enumerate(_LENGTHS, sample_size + 1):
+        larger = size + 1
+        trials = length * typical_trials
+        n = _rare_enough(larger, sample_size, trials, larger + size)
+        chosen.append(Setting(n, size, max(1, min(3, (n - larger) // size)), round(trials)))
+    return tuple(chosen)
+
+
+def counted_settings(sample_size: int, typical_trials: int) -> tuple[Setting, ...]:
+    """Return problems for counted trials: one A, found after a third of `typical_trials`.
+
+    The rule then asks for about `typical_trials` with u around 3.
+
+    Parameters
+    ----------
+    sample_size : int
+        k.
+    typical_trials : int
+        How long a run may be.
+    """
+    return tuple(
+        Setting(
+            _rare_enough(size, sample_size, length * typical_trials / 3, size + 2),
+            size,
+            1,
+            round(length * typical_trials),
+        )
+        for size, length in enumerate(_LENGTHS, sample_size + 1)
+    )
+
+
+def _rare_enough(size: int, sample_size: int, trials: float, fewest: int) -> int:
+    """Return the n at which a group of this size is hit once in so many trials."""
+    return min(
+        range(fewest, 500),
+        key=lambda n: abs(math.log(trials * _chance(size, n, sample_size))),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run that looks at the sampler.
+
+    Parameters
+    ----------
+    n, size : int
+        Measurements, and how many of them the planted group holds.
+    trials : int
+        Trials the run has.
+    first : str
+        Whether the group or the clutter comes first in the order of the measurements.
+    """
+
+    n: int
+    size: int
+    trials: int
+    first: Literal["anything", "groups", "clutter"] = "anything"
+
+
+def hit_cases(sample_size: int, seeded: bool, runs: int) -> list[Case]:
+    """Return the runs that look at the sampler.
+
+    Drawing k of k + 1 with replacement often repeats an index, which tells the two ways of
+    drawing apart at once; a small group among more clutter tells k, and the order of the two
+    whether all measurements are drawn alike. Where the generator is fixed, every n shows only a
+    few samples, the same in every run, so many n are used, and only their order is random.
+
+    Parameters
+    ----------
+    sample_size : int
+        k.
+    seeded : bool
+        Whether the seed changes the samples.
+    runs : int
+        How many.
+    """
+    k = sample_size
+    if seeded:
+        trials = _even_trials(k + 1, k + 4, k)
+        cycle = [
+            Case(k + 4, k + 1, trials, "groups"),
+            Case(k + 1, k + 1, 1),
+            Case(k + 4, k + 1, trials, "clutter"),
+        ]
+        return [cycle[index % len(cycle)] for index in range(runs)]
+    # With all measurements in the group only a repeated index misses it. One sample an n.
+    once = [Case(n, n, 1) for n in range(k + 1, k + 41)]
+    cycle = [
+        Case(n, size, _even_trials(size, n, k))
+        for n in range(k + 2, k + 11)
+        for size in range(k + 1, n)
+    ]
+    return (once + [cycle[index % len(cycle)] for index in range(runs)])[:runs]
+
+
+def _even_trials(n_inliers: int, n: int, sample_size: int) -> int:
+    """Return the number of trials after which a group has been hit about every second time."""
+    return max(1, round(0.7 / _chance(n_inliers, n, sample_size)))
+
+
+def _chance(n_inliers: int, n: int, sample_size: int) -> float:
+    return math.comb(n_inliers, sample_size) / math.comb(n, sample_size)

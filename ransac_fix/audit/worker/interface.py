@@ -1,0 +1,146 @@
+"""What a probe file provides: how to run one library's RANSAC on a planted problem.
+
+A probe is one file that ends in a ``PROBE``. It is loaded inside the worker, after which its
+library may be imported; nothing but numpy, the library and this package may be used there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ransac_fix.audit.worker.planted import Planted
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the measurement asks of one run, everything else being set out of the way.
+
+    Attributes
+    ----------
+    max_trials : int
+        The budget. No floor on trials may be active and any multiplier must be 1.
+    confidence : float
+        s, in (0, 1).
+    """
+
+    max_trials: int
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one run found.
+
+    Attributes
+    ----------
+    inliers : ndarray of bool, shape (n,), or None
+        The measurements that agree with the model returned; None where there was no model.
+    trials : int or None
+        The number of trials run, for a library that reports it or lets them be counted.
+    """
+
+    inliers: NDArray[np.bool_] | None
+    trials: int | None = None
+
+
+@dataclass(frozen=True)
+class Defaults:
+    """What a library does when its user sets nothing.
+
+    Attributes
+    ----------
+    confidence : float
+        s; 1.0 where the library's default never stops early on its own account.
+    min_trials, max_trials : int or None
+        The floor and the cap on the number of trials; None where there is none.
+    multiplier : float
+        Factor on the number of trials the rule asks for.
+    max_trials_name : str
+        How the cap is spelt in a call, for advice.
+    """
+
+    confidence: float
+    min_trials: int = 0
+    max_trials: int | None = None
+    multiplier: float = 1.0
+    max_trials_name: str = "max_trials"
+
+
+@dataclass(frozen=True)
+class EntryPoint:
+    """One function a user calls, with one choice of method.
+
+    Attributes
+    ----------
+    name : str
+        As a user writes it, e.g. ``"findHomography(RANSAC)"``.
+    problem : str
+        The planted problem to solve; a key of ``planted.PROBLEMS``.
+    sample_size : int
+        k as documented. The measurement also tries others.
+    run : callable
+        ``run(planted, settings, seed) -> Outcome``. ``settings`` is None for a run at the
+        library's defaults. The same arguments must give the same outcome.
+    defaults : Defaults or None
+        None where the library asks its user for every value.
+    counted : bool
+        ``Outcome.trials`` is filled in.
+    seeded : bool
+        ``seed`` changes the random stream; otherwise only the order of the measurements does.
+    typical_trials : int
+        How many trials a measured run should take: lower for slow libraries.
+    """
+
+    name: str
+    problem: str
+    sample_size: int
+    run: Callable[[Planted, Settings | None, int], Outcome]
+    defaults: Defaults | None = None
+    counted: bool = False
+    seeded: bool = True
+    typical_trials: int = 80
+
+
+@dataclass(frozen=True)
+class Unmeasured:
+    """An entry point that has no stopping rule to measure, or shows none.
+
+    Attributes
+    ----------
+    name : str
+        As a user writes it.
+    reason : str
+        Why, in one line.
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One library.
+
+    Attributes
+    ----------
+    system : str
+        Name in ``systems.toml``.
+    module : str
+        The module imported; its absence means the library is not installed.
+    distributions : tuple of str
+        Distributions that may provide it, for the version.
+    entry_points : callable
+        ``entry_points(module)`` returns the entry points, the one users call most first.
+    """
+
+    system: str
+    module: str
+    distributions: tuple[str, ...]
+    entry_points: Callable[[Any], list[EntryPoint | Unmeasured]]

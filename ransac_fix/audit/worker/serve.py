@@ -1,0 +1,124 @@
+"""The worker's loop: one JSON request a line in, one JSON answer a line out."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import importlib.util
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from ransac_fix.audit.worker import streams
+from ransac_fix.audit.worker.interface import EntryPoint, Probe, Unmeasured
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+    from typing import TextIO
+
+
+class Worker:
+    """Answers the requests about one library.
+
+    Parameters
+    ----------
+    probe_file : Path
+        The file that ends in ``PROBE``.
+    """
+
+    def __init__(self, probe_file: Path) -> None:
+        spec = importlib.util.spec_from_file_location("ransac_fix_probe", probe_file)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{probe_file} is not a Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module
+        spec.loader.exec_module(module)
+        self.probe: Probe = module.PROBE
+        self.entry_points: dict[str, EntryPoint] = {}
+
+    def describe(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Import the library and name its entry points."""
+        if request.get("prepare"):
+            where, function = request["prepare"].split(":")
+            getattr(importlib.import_module(where), function)(self.probe.system)
+        try:
+            library = importlib.import_module(self.probe.module)
+        except ModuleNotFoundError as missing:
+            if missing.name and self.probe.module.split(".")[0] == missing.name.split(".")[0]:
+                return {"system": self.probe.system, "installed": False}
+            raise
+        listed = self.probe.entry_points(library)
+        self.entry_points = {one.name: one for one in listed if isinstance(one, EntryPoint)}
+        return {
+            "system": self.probe.system,
+            "installed": True,
+            "version": self._version(library),
+            "entry_points": [described(one) for one in listed],
+        }
+
+    def _version(self, library: object) -> str:
+        for distribution in self.probe.distributions:
+            try:
+                return importlib.metadata.version(distribution)
+            except importlib.metadata.PackageNotFoundError:
+                continue
+        return str(getattr(library, "__version__", "unknown"))
+
+    def answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Answer one request."""
+        what = request["do"]
+        if what == "describe":
+            return self.describe(request)
+        entry_point = self.entry_points[request["entry_point"]]
+        return streams.REQUESTS[what](entry_point, request)
+
+
+def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:
+    """Return what the audit needs to know of an entry point before it asks."""
+    if isinstance(one, Unmeasured):
+        return {"name": one.name, "unmeasured": one.reason}
+    return {
+        "name": one.name,
+        "problem": one.problem,
+        "sample_size": one.sample_size,
+        "counted": one.counted,
+        "seeded": one.seeded,
+        "typical_trials": one.typical_trials,
+        "defaults": None if one.defaults is None else vars(one.defaults),
+    }
+
+
+def serve(probe_file: Path, requests: Iterable[str], answers: TextIO) -> None:
+    """Answer requests until there are no more.
+
+    Parameters
+    ----------
+    probe_file : Path
+        The probe.
+    requests : iterable of str
+        JSON lines.
+    answers : text file
+        Gets one JSON line a request: the answer, or ``{"error": ...}``.
+    """
+
+    def send(message: dict[str, Any]) -> None:
+        answers.write(json.dumps(message) + "\n")
+        answers.flush()
+
+    try:
+        worker = Worker(probe_file)
+    except Exception as error:  # noqa: BLE001 -- whatever a probe raises is the answer
+        send({"error": _one_line(error)})
+        return
+    send({"ready": True})
+    for line in requests:
+        try:
+            send(worker.answer(json.loads(line)))
+        except Exception as error:  # noqa: BLE001 -- whatever a library raises is the answer
+            send({"error": _one_line(error)})
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(str(error).split())[:200]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

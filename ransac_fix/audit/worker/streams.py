@@ -1,0 +1,368 @@
+"""Flip points, counted trials and hit rates, read off one library function by running it.
+
+The method and its symbols: t_B is the trial at which the larger model B is found, t_A the one at
+which the smaller model A came in hand, u = -ln(1 - s), and u* the least u at which the rule still
+lets trial t_B happen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
+from ransac_fix.audit.worker.planted import Planted, plant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LARGEST_CONFIDENCE = 1 - 2.0**-53
+# Above 25 the double that holds s steps by more than 1e-5 in u; below 0.01 the rule says one trial.
+U_RANGE = (0.01, 25.0)
+# A flip is known to this fraction of a trial.
+RESOLUTION = 0.03
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One exact point of a stopping rule.
+
+    At ``u_low`` trial ``trials`` did not happen, at ``u_high`` it did, with a model of
+    ``n_inliers`` in hand since trial ``in_hand``.
+    """
+
+    kind: str
+    n_samples: int
+    n_inliers: int
+    trials: int
+    in_hand: int
+    u_low: float
+    u_high: float
+    seed: int
+
+
+class Discarded(Exception):  # noqa: N818 -- not an error: this stream cannot show the rule
+    """The stream cannot show the rule; the text says why."""
+
+
+def confidence_of(u: float) -> float:
+    """Confidence s with -ln(1-s) = u, at most the largest double below 1."""
+    return min(-math.expm1(-u), LARGEST_CONFIDENCE)
+
+
+def u_of(confidence: float) -> float:
+    """U = -ln(1-s)."""
+    return -math.log1p(-confidence)
+
+
+class Stream:
+    """One library function on one planted problem with one random stream.
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        The function.
+    planted : Planted
+        The data.
+    seed : int
+        Passed to the function.
+    """
+
+    def __init__(self, entry_point: EntryPoint, planted: Planted, seed: int) -> None:
+        self.entry_point = entry_point
+        self.planted = planted
+        self.seed = seed
+        self.runs = 0
+        self.label_b = int(planted.labels.max())
+
+    def run(self, max_trials: int, confidence: float) -> Outcome:
+        """Run once with this budget and confidence."""
+        self.runs += 1
+        settings = Settings(max_trials, confidence)
+        return self.entry_point.run(self.planted, settings, self.seed)
+
+    def run_at_defaults(self) -> Outcome:
+        """Run once with nothing set."""
+        self.runs += 1
+        return self.entry_point.run(self.planted, None, self.seed)
+
+    def group(self, max_trials: int, confidence: float) -> int | None:
+        """Label of the group found, or None."""
+        return self.planted.group_of(self.run(max_trials, confidence).inliers)
+
+    def finds_b(self, max_trials: int, confidence: float) -> bool:
+        """Whether the larger model is what a run returns."""
+        return self.group(max_trials, confidence) == self.label_b
+
+
+def first_true(predicate: Callable[[int], bool], largest: int) -> int | None:
+    """Smallest t in 1..largest for which a monotone predicate holds; None if it never does."""
+    high = 1
+    while not predicate(high):
+        if high >= largest:
+            return None
+        high = min(4 * high, largest)
+    low = 0 if high == 1 else high // 4
+    while high - low > 1:
+        middle = (low + high) // 2
+        if predicate(middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def trial_of_b(stream: Stream, largest: int) -> int | None:
+    """t_B: the trial at which B is found when nothing but the budget stops the run."""
+    return first_true(lambda t: stream.finds_b(t, LARGEST_CONFIDENCE), largest)
+
+
+def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
+    """Measure one exact point (u*, t_B) of the stopping rule.
+
+    Parameters
+    ----------
+    stream : Stream
+        With A groups and a B.
+    largest, smallest : int
+        Accepted range of t_B.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    Discarded
+        If the stream cannot show the rule.
+    """
+    planted = stream.planted
+    t_b = trial_of_b(stream, largest)
+    if t_b is None:
+        raise Discarded("the larger model was not found within the budget")
+    if t_b < smallest:
+        raise Discarded("the larger model came too early")
+    before = stream.run(t_b - 1, LARGEST_CONFIDENCE).inliers
+    if planted.group_of(before) is None:
+        raise Discarded("something other than the smaller model was in hand")
+    assert before is not None
+    n_inliers = int(before.sum())
+    t_a = first_true(
+        lambda t: planted.group_of(stream.run(t, LARGEST_CONFIDENCE).inliers) is not None, t_b - 1
+    )
+    if t_a is None:
+        raise Discarded("the stream depends on the budget")
+
+    budget = 2 * t_b + 8
+
+    def passes(u: float) -> bool:
+        return stream.finds_b(budget, confidence_of(u))
+
+    if not passes(U_RANGE[1]):
+        raise Discarded("the rule stops before the larger model even at the highest confidence")
+    if passes(U_RANGE[0]):
+        raise Discarded("the rule never stops before the larger model")
+    low, high = U_RANGE
+    while t_b * (high - low) / low > RESOLUTION:
+        middle = math.sqrt(low * high)
+        if passes(middle):
+            high = middle
+        else:
+            low = middle
+    rng = np.random.default_rng([stream.seed, t_b])
+    for factor in rng.uniform(1.02, 2.0, 2):
+        if passes(low / factor) or not passes(min(high * factor, U_RANGE[1])):
+            raise Discarded("the outcome is not monotone in the confidence")
+    if not stream.finds_b(t_b + int(rng.integers(1, 20)), LARGEST_CONFIDENCE):
+        raise Discarded("the stream depends on the budget")
+    return Measured(
+        "flip",
+        planted.n_samples,
+        n_inliers,
+        t_b,
+        t_a,
+        u_of(confidence_of(low)),
+        u_of(confidence_of(high)),
+        stream.seed,
+    )
+
+
+def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Measured:
+    """Measure one exact point of the rule of a function whose trials can be counted.
+
+    The planted problem holds no B: the rule acts on A's count, and the trials run at ``u`` are
+    compared with those at slightly lower u until the step between two counts is known.
+
+    Parameters
+    ----------
+    stream : Stream
+        With A groups only.
+    largest, smallest : int
+        Accepted range of the count.
+    u : float
+        Where to begin.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    Discarded
+        If the stream cannot show the rule.
+    """
+
+    def trials(u: float) -> int:
+        outcome = stream.run(largest, confidence_of(u))
+        if outcome.trials is None:
+            raise Discarded("the number of trials was not reported")
+        if stream.planted.group_of(outcome.inliers) is None:
+            raise Discarded("no smaller model was in hand")
+        return outcome.trials
+
+    high = u
+    count = trials(high)
+    if count >= largest:
+        raise Discarded("the run reached its budget")
+    if count < smallest:
+        raise Discarded("the run was too short")
+    low = high * (1 - 2.5 / count)
+    if trials(low) >= count:
+        raise Discarded("the count does not depend on the confidence")
+    while count * (high - low) / low > RESOLUTION:
+        middle = (low + high) / 2
+        if trials(middle) >= count:
+            high = middle
+        else:
+            low = middle
+    inliers = stream.run(largest, confidence_of(high)).inliers
+    assert inliers is not None
+    return Measured(
+        "count",
+        stream.planted.n_samples,
+        int(inliers.sum()),
+        count,
+        0,
+        u_of(confidence_of(low)),
+        u_of(confidence_of(high)),
+        stream.seed,
+    )
+
+
+def points(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+    """Collect points of the stopping rule on one (n, m_A).
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        The function.
+    request : dict
+        ``kind`` ("flip" or "count"), ``n_samples``, ``group_size``, ``n_groups``, ``wanted``
+        (points), ``streams`` (to try at most), ``largest``, ``smallest`` (trials), ``seed``.
+
+    Returns
+    -------
+    dict
+        ``points``, ``runs`` and ``discarded`` (reason -> how many streams).
+    """
+    found: list[dict[str, Any]] = []
+    discarded: dict[str, int] = {}
+    runs = 0
+    counting = request["kind"] == "count"
+    size = request["group_size"]
+    for index in range(request["streams"]):
+        if len(found) >= request["wanted"]:
+            break
+        seed = request["seed"] + index
+        planted = plant(
+            entry_point.problem,
+            request["n_samples"],
+            size,
+            request["n_groups"],
+            0 if counting else size + 1,
+            seed,
+        )
+        stream = Stream(entry_point, planted, seed)
+        try:
+            if counting:
+                u = float(np.random.default_rng([seed, 7]).uniform(*request["u"]))
+                point = counted_point(stream, request["largest"], request["smallest"], u)
+            else:
+                point = flip_point(stream, request["largest"], request["smallest"])
+            found.append(asdict(point))
+        except Discarded as why:
+            discarded[str(why)] = discarded.get(str(why), 0) + 1
+        runs += stream.runs
+    return {"points": found, "runs": runs, "discarded": discarded}
+
+
+def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+    """Count how often B is found within a few trials, for the law of the sampler.
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        The function.
+    request : dict
+        ``cases``: list of ``[n_samples, size of B, trials, what comes first]``, and ``seed``.
+
+    Returns
+    -------
+    dict
+        ``hits``: one list ``[n_samples, size, trials, first, hit]`` a run; and ``runs``.
+    """
+    out = []
+    for index, (n_samples, size, trials, first) in enumerate(request["cases"]):
+        seed = request["seed"] + index
+        planted = plant(entry_point.problem, n_samples, size, 1, 0, seed, first=first)
+        stream = Stream(entry_point, planted, seed)
+        out.append([n_samples, size, trials, first, stream.finds_b(trials, LARGEST_CONFIDENCE)])
+    return {"hits": out, "runs": len(out)}
+
+
+def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+    """Compare runs with nothing set with runs of a stated number of trials.
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        The function.
+    request : dict
+        ``n_samples``, ``group_size``, ``n_groups``, ``trials`` (expected at the defaults),
+        ``streams``, ``seed``.
+
+    Returns
+    -------
+    dict
+        ``same`` and ``different`` (streams on which the outcomes agree, or the reported trials
+        are those expected), ``found`` (streams on which B was found), and ``runs``.
+    """
+    same = different = found = runs = 0
+    for index in range(request["streams"]):
+        seed = request["seed"] + index
+        size = request["group_size"]
+        planted = plant(
+            entry_point.problem, request["n_samples"], size, request["n_groups"], size + 1, seed
+        )
+        stream = Stream(entry_point, planted, seed)
+        outcome = stream.run_at_defaults()
+        hit = planted.group_of(outcome.inliers) == stream.label_b
+        if outcome.trials is not None:
+            agree = outcome.trials == request["trials"]
+        else:
+            agree = hit == stream.finds_b(request["trials"], LARGEST_CONFIDENCE)
+        same += agree
+        different += not agree
+        found += hit
+        runs += stream.runs
+    return {"same": same, "different": different, "found": found, "runs": runs}
+
+
+REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
+    "points": points,
+    "hits": hits,
+    "defaults": defaults,
+}
