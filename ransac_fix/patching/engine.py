@@ -18,7 +18,7 @@ from typing import Self
 from packaging.requirements import InvalidRequirement, Requirement
 
 from ransac_fix.errors import PatchNotApplicable, RansacFixError, RansacFixWarning
-from ransac_fix.patching import finder, plugins, registry, startup
+from ransac_fix.patching import finder, missing, plugins, registry, startup
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.state import PatchingStatus, State, SystemStatus
 from ransac_fix.patching.switch import Scope, Switch
@@ -189,7 +189,7 @@ class _System:
 _SYSTEMS: dict[str, _System] = {}
 
 
-def patch(*names: str) -> None:
+def patch(*names: str, slack: float | None = None) -> None:
     """Make libraries exact in the whole process, until `unpatch`.
 
     May be called before or after the libraries are imported, and any number of times. Where a
@@ -200,6 +200,10 @@ def patch(*names: str) -> None:
     *names : str
         System, distribution or import names, such as ``"scikit-learn"`` or ``"sklearn"``. None:
         everything installed for which there is a patch.
+    slack : float, optional
+        For wrapped compiled libraries, all of them: the relative excess of failure probability
+        that is accepted without drawing the missing trials; 0 for the exact number. Stays as it
+        is where not given: 0.1 at first, or what ``RANSAC_FIX_SLACK`` says.
 
     Raises
     ------
@@ -208,9 +212,12 @@ def patch(*names: str) -> None:
         then. In a library imported later, or not named, the same is a `RansacFixWarning` and an
         entry in `status`.
     RansacFixError
-        If there is no patch of that name, or the library is not installed.
+        If there is no patch of that name, or the library is not installed; if `slack` is
+        negative.
     """
     systems = _ready(names)
+    if slack is not None:
+        missing.set_slack(slack)
     with _LOCK:
         for system in systems:
             system.switch.ask(True)

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, log1p
+from types import ModuleType
 from typing import Any, Generic, Literal, TypeVar
 
 from ransac_fix.criterion import all_inlier_probability, required_trials
@@ -27,6 +28,7 @@ __all__ = [
     "Promise",
     "complete",
     "missing_trials",
+    "own_function",
     "set_slack",
     "slack",
 ]
@@ -189,6 +191,28 @@ def complete(
             stacklevel=4,
         )
     return best.result
+
+
+def own_function(module: ModuleType, name: str) -> Callable[..., Any] | None:
+    """Return a function of an imported library, without the stand-in that may be in its place.
+
+    Parameters
+    ----------
+    module : module
+        The library.
+    name : str
+        Its function.
+
+    Returns
+    -------
+    callable or None
+        None where there is none of that name. What other code has put in its place is kept:
+        the exact function calls it as the library's own.
+    """
+    function = getattr(module, name, None)
+    while getattr(function, "__ransac_fix__", False):
+        function = getattr(function, "__wrapped__", None)
+    return function if callable(function) else None
 
 
 def slack() -> float:

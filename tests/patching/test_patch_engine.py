@@ -78,8 +78,8 @@ def test_an_unknown_name_lists_the_known_ones(library: Library) -> None:
 
 
 def test_a_system_without_a_patch(library: Library) -> None:
-    with pytest.raises(RansacFixError, match="no patch for 'cv2'"):
-        ransac_fix.patch("cv2")
+    with pytest.raises(RansacFixError, match="no patch for 'opengv'"):
+        ransac_fix.patch("opengv")
 
 
 def test_a_library_that_is_not_installed(make_library: MakeLibrary) -> None:
