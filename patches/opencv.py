@@ -30,6 +30,7 @@ from ransac_fix.patching.missing import (
     Attempt,
     Promise,
     complete,
+    fresh_seed,
     missing_trials,
     own_function,
     slack,
@@ -283,7 +284,9 @@ def _again(
             bound[name] = bound[name].copy()
     confidence, limit = _HIGHEST_CONFIDENCE, float(trials)
     if form.has_params:
-        bound["params"] = _copy(cv2, bound["params"], confidence, trials, call.seed + round_)
+        bound["params"] = _copy(
+            cv2, bound["params"], confidence, trials, fresh_seed(call.seed, round_)
+        )
     else:
         if form.max_trials:
             bound[form.max_trials] = trials
@@ -333,7 +336,7 @@ def _copy(cv2: Any, params: Any, confidence: float, trials: int, seed: int) -> A
             setattr(copy, name, getattr(params, name))
     copy.confidence = confidence
     copy.maxIterations = trials
-    copy.randomGeneratorState = seed & 0x7FFFFFFF
+    copy.randomGeneratorState = seed
     return copy
 
 

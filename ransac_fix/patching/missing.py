@@ -15,9 +15,9 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf, log1p
+from math import ceil, inf, log1p
 from types import ModuleType
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ransac_fix.criterion import all_inlier_probability, required_trials
 from ransac_fix.errors import RansacFixError, RansacFixWarning
@@ -27,6 +27,7 @@ __all__ = [
     "Attempt",
     "Promise",
     "complete",
+    "fresh_seed",
     "missing_trials",
     "own_function",
     "set_slack",
@@ -34,6 +35,7 @@ __all__ = [
 ]
 
 Result = TypeVar("Result")
+Sampling: TypeAlias = Literal["distinct", "replacement"]
 
 DEFAULT_SLACK = 0.1
 SLACK_VARIABLE = "RANSAC_FIX_SLACK"
@@ -63,7 +65,7 @@ class Promise:
     sample_size: int
     confidence: float
     max_trials: float
-    sampling: Literal["distinct", "replacement"] = "distinct"
+    sampling: Sampling = "distinct"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +81,15 @@ class Attempt(Generic[Result]):
     trials : int
         How many trials it ran. Where the library does not say, what its rule asks for with
         `n_inliers` in hand, up to its limit: it may have run more, never fewer.
+    chance : float, optional
+        The probability that one sample holds inliers only, where the library's sampler is of
+        another kind than `Promise.sampling` can say.
     """
 
     result: Result
     n_inliers: int
     trials: float
+    chance: float | None = None
 
 
 @lru_cache(maxsize=8192)
@@ -95,7 +101,8 @@ def missing_trials(
     trials: float,
     max_trials: float,
     slack: float,
-    sampling: Literal["distinct", "replacement"] = "distinct",
+    sampling: Sampling = "distinct",
+    chance: float | None = None,
 ) -> int:
     """Return how many more trials the promise needs: 0 where `trials` are good enough.
 
@@ -111,6 +118,8 @@ def missing_trials(
     slack : float
         The relative excess of the failure probability over ``1 - confidence`` that is good
         enough.
+    chance : float, optional
+        As in `Attempt`.
 
     Returns
     -------
@@ -119,12 +128,18 @@ def missing_trials(
     """
     if trials >= max_trials or n_samples < sample_size or confidence <= 0:
         return 0
-    n_inliers = min(max(n_inliers, sample_size), n_samples)
-    needed = required_trials(n_inliers, n_samples, sample_size, confidence, sampling=sampling)
+    if chance is None:
+        n_inliers = min(max(n_inliers, sample_size), n_samples)
+        needed = required_trials(n_inliers, n_samples, sample_size, confidence, sampling=sampling)
+    elif 0 < chance < 1 and confidence < 1:
+        needed = ceil(log1p(-confidence) / log1p(-chance))
+    else:
+        needed = 1 if chance > 0 else inf
     if trials >= needed:
         return 0
     if slack > 0 and confidence < 1:
-        chance = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
+        if chance is None:
+            chance = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
         if chance < 1 and trials * log1p(-chance) <= log1p(-confidence) + log1p(slack):
             return 0
     left = min(needed, max_trials) - trials
@@ -176,6 +191,7 @@ def complete(
         limit,
         _slack,
         promise.sampling,
+        best.chance,
     ):
         runs += 1
         attempt = run(missing, runs)
@@ -191,6 +207,11 @@ def complete(
             stacklevel=4,
         )
     return best.result
+
+
+def fresh_seed(seed: int, round_: int) -> int:
+    """Return the seed of a later run: another one for every round, the same on every call."""
+    return (seed * 6364136223846793005 + round_ * 1442695040888963407 >> 16) & 0x7FFFFFFF
 
 
 def own_function(module: ModuleType, name: str) -> Callable[..., Any] | None:

@@ -1,0 +1,211 @@
+"""PoseLib: the estimators of one kind of sample, up to 2.0.5.
+
+The rule is compiled in and assumes p**k up to 2.0.5, so the estimators are wrapped: see
+`ransac_fix.patching.missing`. PoseLib reports its iterations, and has a minimum of them: the
+missing ones are drawn exactly, with another seed, and the model with the better score is kept.
+
+The promise is the caller's ``success_prob``, once: PoseLib's own defaults of 1000 iterations at
+least, and of three times what its rule says (``dyn_num_trials_mult``), mostly keep it already.
+
+``estimate_generalized_absolute_pose`` draws a camera first and one of its points second, so its
+samples are not uniform: its chance is that of such draws. Passed through untouched:
+``estimate_generalized_relative_pose`` and ``estimate_hybrid_pose``, which mix samples of several
+kinds, and ``progressive_sampling``.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from ransac_fix.criterion import approximate_required_trials, required_trials
+from ransac_fix.errors import PatchNotApplicable
+from ransac_fix.patching.interface import LibraryPatch, Replacement
+from ransac_fix.patching.missing import (
+    Attempt,
+    Promise,
+    complete,
+    fresh_seed,
+    missing_trials,
+    own_function,
+    slack,
+)
+
+__all__ = ["PATCH"]
+
+Result = tuple[Any, dict[str, Any]]
+
+# PoseLib's own defaults.
+_CONFIDENCE, _MAX_ITERATIONS, _SEED = 0.9999, 100_000, 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimator:
+    """One function: the size of its samples, and where its options stand among its arguments."""
+
+    sample_size: int
+    position: int
+    by_camera: bool = False
+
+
+_ESTIMATORS = {
+    "estimate_absolute_pose": _Estimator(3, 3),
+    "estimate_absolute_pose_pnpl": _Estimator(3, 7),
+    "estimate_generalized_absolute_pose": _Estimator(3, 4, by_camera=True),
+    "estimate_relative_pose": _Estimator(5, 4),
+    "estimate_shared_focal_relative_pose": _Estimator(6, 3),
+    "estimate_fundamental": _Estimator(7, 2),
+    "estimate_homography": _Estimator(4, 2),
+    "estimate_1D_radial_absolute_pose": _Estimator(5, 2),
+}
+
+
+def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., Any]:
+    """Return the exact estimator."""
+    k, position = estimator.sample_size, estimator.position
+
+    def exact(*args: Any, **kwargs: Any) -> Any:
+        result = original(*args, **kwargs)
+        options = kwargs.get("ransac_opt") if len(args) <= position else args[position]
+        options = options or {}
+        first = _attempt(result, estimator)
+        if first.n_samples <= k or options.get("progressive_sampling"):
+            return result
+        confidence = options.get("success_prob", _CONFIDENCE)
+        limit = options.get("max_iterations", _MAX_ITERATIONS)
+        promise = Promise(first.n_samples, k, confidence, limit)
+        if not missing_trials(
+            first.n_inliers,
+            first.n_samples,
+            k,
+            confidence,
+            first.trials,
+            limit,
+            slack(),
+            chance=first.chance,
+        ):
+            return result
+
+        def run(trials: int, round_: int) -> Attempt[Result]:
+            settings = {
+                **options,
+                "min_iterations": trials,
+                "max_iterations": trials,
+                "seed": fresh_seed(int(options.get("seed", _SEED)), round_),
+            }
+            if len(args) > position:
+                again = original(*args[:position], settings, *args[position + 1 :], **kwargs)
+            else:
+                again = original(*args, **{**kwargs, "ransac_opt": settings})
+            return _attempt(again, estimator)
+
+        return complete(first, promise, run, _is_better)
+
+    return exact
+
+
+@dataclass(frozen=True, slots=True)
+class _Counted(Attempt[Result]):
+    """A run, with the number of measurements that PoseLib counts."""
+
+    n_samples: int = 0
+
+
+def _attempt(result: Result, estimator: _Estimator) -> _Counted:
+    info = result[1]
+    inliers = info["inliers"]
+    n_inliers, n_samples = info["num_inliers"], len(inliers)
+    chance = None
+    if estimator.by_camera:
+        chance = _chance_by_camera([(sum(camera), len(camera)) for camera in inliers])
+        n_samples = sum(map(len, inliers))
+    n_samples += len(info.get("inliers_lines", ()))
+    return _Counted(result, n_inliers, info["iterations"], chance, n_samples)
+
+
+def _is_better(new: Result, best: Result) -> bool:
+    # The score is a truncated sum of squares; without a model it says nothing.
+    if new[1]["num_inliers"] == 0 or best[1]["num_inliers"] == 0:
+        return bool(new[1]["num_inliers"] > best[1]["num_inliers"])
+    return bool(new[1]["model_score"] < best[1]["model_score"])
+
+
+def _chance_by_camera(cameras: list[tuple[int, int]]) -> float:
+    """Return the chance that three draws give inliers only.
+
+    A draw takes a camera, then one of its points, and is repeated where that point was drawn
+    before: points are drawn without replacement, with weights 1 / (cameras x points of theirs).
+
+    Parameters
+    ----------
+    cameras : list of (int, int)
+        Inliers and points of each camera.
+    """
+    if any(n_samples == 0 for _, n_samples in cameras):
+        return 1.0  # such a camera would give no sample at all: nothing to promise
+    groups = [(inliers, 1.0 / (len(cameras) * n_samples)) for inliers, n_samples in cameras]
+    total = sum(inliers * weight for inliers, weight in groups)
+    chance = 0.0
+    for index, (inliers, weight) in enumerate(groups):
+        for other, (more, second) in enumerate(groups):
+            left = more - (other == index)
+            if inliers > 0 and left > 0 and weight + second < 1:
+                third = (total - weight - second) / (1 - weight - second)
+                chance += inliers * weight * left * second / (1 - weight) * max(third, 0.0)
+    return min(chance, 1.0)
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: the estimators, where their rule assumes p**k."""
+    originals = {}
+    for name, estimator in _ESTIMATORS.items():
+        original = own_function(module, name)
+        if original is None:  # not in this release
+            continue
+        if "ransac_opt: dict" not in (original.__doc__ or ""):
+            raise PatchNotApplicable(f"poselib.{name} does not take ransac_opt")
+        originals[name] = original, estimator
+    if "estimate_homography" not in originals:
+        raise PatchNotApplicable("poselib has no estimate_homography")
+    if _is_exact(originals["estimate_homography"][0]):
+        return ()
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(original, estimator))
+        for name, (original, estimator) in originals.items()
+    )
+
+
+def _is_exact(estimate: Callable[..., Any]) -> bool:
+    """Return whether the rule is exact: PoseLib says how many iterations it ran."""
+    import numpy as np
+
+    rng = np.random.default_rng(0)
+    n_samples, n_inliers, confidence = 20, 9, 0.99
+    x = rng.uniform(0, 1000, (n_samples, 2))
+    y = x + rng.uniform(-100, 100, x.shape)
+    y[:n_inliers] = x[:n_inliers] + np.array([10.0, 20.0])
+    setting = n_inliers, n_samples, 4, confidence
+    laws = {False: approximate_required_trials(*setting), True: required_trials(*setting)}
+    for seed in range(40):
+        options = {
+            "min_iterations": 0,
+            "max_iterations": 1000,
+            "dyn_num_trials_mult": 1.0,
+            "success_prob": confidence,
+            "max_reproj_error": 1e-3,
+            "seed": seed,
+        }
+        info: Mapping[str, Any] = estimate(x, y, options, {})[1]
+        for exact, trials in laws.items():
+            if info["num_inliers"] == n_inliers and math.fabs(info["iterations"] - trials) <= 2:
+                return exact
+    raise PatchNotApplicable("estimate_homography follows neither rule")
+
+
+PATCH = LibraryPatch(
+    system="poselib",
+    requirements=("poselib>=2.0.5,<=2.0.5",),
+    modules=("poselib",),
+    plan=plan,
+)
