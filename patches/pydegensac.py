@@ -1,0 +1,129 @@
+"""pydegensac: `findHomography` and `findFundamentalMatrix`.
+
+The rule has the exact form, but takes the number of inliers plus one: it promises that no larger
+model was missed, and stops at up to (I + 1 - k) / (I + 1) of the trials after which none of the
+same size was. Here all rules are judged by the latter. Samples are distinct and uniform.
+
+The rule is compiled in, so the functions are wrapped: see `ransac_fix.patching.missing`. The
+missing trials are drawn with another seed and a confidence of 1, which runs all of them; the
+model with more inliers is kept. Releases without a seed are refused: what cannot be repeated
+cannot be checked.
+"""
+
+import inspect
+import os
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from ransac_fix.criterion import required_trials
+from ransac_fix.errors import PatchNotApplicable
+from ransac_fix.patching.behaviour import assumed_probability
+from ransac_fix.patching.interface import LibraryPatch, Replacement
+from ransac_fix.patching.missing import (
+    Attempt,
+    Promise,
+    complete,
+    fresh_seed,
+    missing_trials,
+    own_function,
+    slack,
+)
+
+__all__ = ["PATCH"]
+
+Result = tuple[Any, Any]
+
+_SAMPLE_SIZES = {"findHomography": 4, "findFundamentalMatrix": 7}
+# What the rule never exceeds.
+_MOST_TRIALS = 1_000_000
+
+
+def _trials(
+    n_inliers: int, n_samples: int, sample_size: int, confidence: float, limit: float
+) -> float:
+    """Return what pydegensac's own rule asks for with `n_inliers` in hand, up to its limits."""
+    if n_inliers >= n_samples - 1:
+        rule: float = 1
+    elif n_inliers + 1 < sample_size or confidence >= 1:
+        rule = _MOST_TRIALS
+    elif confidence <= 0:
+        rule = 0
+    else:
+        rule = required_trials(n_inliers + 1, n_samples, sample_size, confidence)
+    return max(1, min(rule, _MOST_TRIALS, limit))
+
+
+def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
+    """Return the exact function."""
+    bind = inspect.signature(original).bind
+
+    def exact(*args: Any, **kwargs: Any) -> Any:
+        result = original(*args, **kwargs)
+        call = bind(*args, **kwargs)
+        call.apply_defaults()
+        settings = call.arguments
+        confidence, limit = settings["conf"], settings["max_iters"]
+        n_samples = len(settings["pts1_"])
+        if n_samples <= sample_size:
+            return result
+
+        def attempt(found: Result, confidence: float, limit: float) -> Attempt[Result]:
+            n_inliers = int(found[1].sum())
+            trials = _trials(n_inliers, n_samples, sample_size, confidence, limit)
+            return Attempt(found, n_inliers, trials)
+
+        first = attempt(result, confidence, limit)
+        promise = Promise(n_samples, sample_size, confidence, limit)
+        if not missing_trials(
+            first.n_inliers, n_samples, sample_size, confidence, first.trials, limit, slack()
+        ):
+            return result
+
+        def run(trials: int, round_: int) -> Attempt[Result]:
+            seed = settings["seed"]
+            # Without a seed there is nothing to repeat.
+            new = int.from_bytes(os.urandom(3)) if seed < 0 else fresh_seed(seed, round_)
+            changes = {"conf": 1.0, "max_iters": trials, "seed": new}
+            return attempt(original(**{**settings, **changes}), 1.0, trials)
+
+        return complete(first, promise, run, lambda new, best: bool(new[1].sum() > best[1].sum()))
+
+    return exact
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: both functions, where they stop before the exact number."""
+    originals = {}
+    for name in _SAMPLE_SIZES:
+        original = own_function(module, name)
+        if original is None:
+            raise PatchNotApplicable(f"pydegensac has no {name}")
+        parameters = inspect.signature(original).parameters
+        for parameter in ("pts1_", "conf", "max_iters", "seed"):
+            if parameter not in parameters:
+                raise PatchNotApplicable(f"pydegensac.{name} takes no {parameter}")
+        originals[name] = original
+
+    def count(x: Any, y: Any, trials: int, confidence: float) -> int:
+        _, mask = originals["findHomography"](x, y, 0.05, confidence, trials, seed=1)
+        return int(mask.sum())
+
+    # On these problems the rule with I + 1 asks for the same as p**k.
+    assumed = assumed_probability(count, 4)
+    if assumed is None:
+        raise PatchNotApplicable("findHomography follows neither its known rule nor the exact one")
+    if assumed == "exact":
+        return ()
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(original, _SAMPLE_SIZES[name]))
+        for name, original in originals.items()
+    )
+
+
+PATCH = LibraryPatch(
+    system="pydegensac",
+    requirements=("pydegensac==0.3.0",),
+    modules=("pydegensac",),
+    plan=plan,
+)
