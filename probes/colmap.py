@@ -1,9 +1,14 @@
-"""COLMAP, through pycolmap. Its minimum of trials and its multiplier are set out of the way."""
+"""COLMAP, through pycolmap. Its minimum of trials and its multiplier are set out of the way.
 
-from typing import Any
+Local optimisation cannot be switched off. Functions come and go between releases: those that a
+release has are measured.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ransac_fix.audit.worker import agreement
 from ransac_fix.audit.worker.interface import (
     Defaults,
     EntryPoint,
@@ -12,26 +17,29 @@ from ransac_fix.audit.worker.interface import (
     Settings,
     Unmeasured,
 )
-from ransac_fix.audit.worker.planted import Planted
+from ransac_fix.audit.worker.planted import CENTRE, FOCAL, Planted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
-def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
-    pycolmap.logging.minloglevel = 2
-    # The names of the first pycolmap releases.
-    homography_matrix = (
-        getattr(pycolmap, "estimate_homography_matrix", None)
-        or pycolmap.homography_matrix_estimation
-    )
-    untouched = pycolmap.RANSACOptions()
-    has_seed = hasattr(untouched, "random_seed")
+class _Functions:
+    """The estimators, each as a probe wants it."""
 
-    def options(planted: Planted, settings: Settings | None, seed: int) -> Any:
-        chosen = pycolmap.RANSACOptions()
+    def __init__(self, pycolmap: Any) -> None:
+        self.pycolmap = pycolmap
+        self._has_seed = hasattr(pycolmap.RANSACOptions(), "random_seed")
+        self.camera = pycolmap.Camera(
+            model="SIMPLE_PINHOLE", width=1024, height=1024, params=[FOCAL, CENTRE, CENTRE]
+        )
+
+    def options(self, planted: Planted, settings: Settings | None, seed: int) -> Any:
+        chosen = self.pycolmap.RANSACOptions()
         chosen.max_error = planted.threshold
-        if has_seed:
+        if self._has_seed:
             chosen.random_seed = seed
         else:
-            pycolmap.set_random_seed(seed)
+            self.pycolmap.set_random_seed(seed)
         if settings is not None:
             chosen.min_num_trials = 0
             chosen.max_num_trials = settings.max_trials
@@ -41,27 +49,91 @@ def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
             chosen.min_inlier_ratio = 1e-6
         return chosen
 
-    def homography(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
-        found = homography_matrix(planted.x, planted.y, options(planted, settings, seed))
+    def image_to_image(self, name: str) -> Any:
+        function = getattr(self.pycolmap, name)
+
+        def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+            return self._masked(
+                function(planted.x, planted.y, self.options(planted, settings, seed))
+            )
+
+        return run
+
+    def essential(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+        options = self.options(planted, settings, seed)
+        return self._masked(
+            self.pycolmap.estimate_essential_matrix(
+                planted.x, planted.y, self.camera, self.camera, options
+            )
+        )
+
+    def relative_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+        options = self.options(planted, settings, seed)
+        return self._masked(
+            self.pycolmap.estimate_relative_pose(
+                self.camera, planted.x, self.camera, planted.y, options
+            )
+        )
+
+    def absolute_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+        options = self.pycolmap.AbsolutePoseEstimationOptions()
+        options.ransac = self.options(planted, settings, seed)
+        return self._masked(
+            self.pycolmap.estimate_absolute_pose(planted.y, planted.x, self.camera, options)
+        )
+
+    def space_to_space(self, name: str) -> Any:
+        function = getattr(self.pycolmap, name)
+
+        def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+            found = function(planted.x, planted.y, self.options(planted, settings, seed))
+            if isinstance(found, dict):
+                return self._masked(found)
+            if found is None:
+                return Outcome(None)
+            matrix = np.asarray(found.matrix())
+            return Outcome(
+                agreement.with_motion(planted, matrix[:, :3], matrix[:, 3], planted.threshold)
+            )
+
+        return run
+
+    @staticmethod
+    def _masked(found: Any) -> Outcome:
         if not found:
             return Outcome(None)
-        mask = found["inlier_mask"] if "inlier_mask" in found else found["inliers"]
-        return Outcome(np.asarray(mask, dtype=bool).ravel())
+        for key in ("inlier_mask", "inliers"):
+            if key in found:
+                return Outcome(np.asarray(found[key], dtype=bool).ravel())
+        raise KeyError(f"no inliers among {', '.join(found)}")
 
+
+def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
+    pycolmap.logging.minloglevel = 2
+    functions = _Functions(pycolmap)
+    untouched = pycolmap.RANSACOptions()
+    defaults = Defaults(
+        float(untouched.confidence),
+        min_trials=int(untouched.min_num_trials),
+        max_trials=int(untouched.max_num_trials),
+        multiplier=float(untouched.dyn_num_trials_multiplier),
+        max_trials_name="max_num_trials",
+    )
+    # Name, planted problem, k, how to run, spare.
+    table: tuple[tuple[str, str, int, Callable[[str], Any], int], ...] = (
+        ("estimate_homography_matrix", "homography", 4, functions.image_to_image, 1),
+        ("estimate_fundamental_matrix", "fundamental", 7, functions.image_to_image, 2),
+        ("estimate_essential_matrix", "essential", 5, lambda _: functions.essential, 2),
+        ("estimate_relative_pose", "essential", 5, lambda _: functions.relative_pose, 2),
+        ("estimate_absolute_pose", "absolute_pose", 3, lambda _: functions.absolute_pose, 1),
+        ("estimate_affine2d_robust", "affine", 3, functions.image_to_image, 1),
+        ("estimate_rigid3d_robust", "rigid3d", 3, functions.space_to_space, 1),
+        ("estimate_sim3d_robust", "similarity3d", 3, functions.space_to_space, 1),
+    )
     return [
-        EntryPoint(
-            "estimate_homography_matrix",
-            "homography",
-            4,
-            homography,
-            Defaults(
-                float(untouched.confidence),
-                min_trials=int(untouched.min_num_trials),
-                max_trials=int(untouched.max_num_trials),
-                multiplier=float(untouched.dyn_num_trials_multiplier),
-                max_trials_name="max_num_trials",
-            ),
-        )
+        EntryPoint(name, problem, k, make(name), defaults, spare=spare)
+        for name, problem, k, make, spare in table
+        if hasattr(pycolmap, name)
     ]
 
 

@@ -1,10 +1,13 @@
 """OpenCV: the classic estimators (``cv2.RANSAC``) and the USAC framework.
 
 The classic estimators draw from a generator of fixed state, so only the order of the measurements
-changes the stream. Neither reports its trials.
+changes the stream; so do the USAC methods when they are named by their flag. None reports its
+trials. LO stays on where the method has it: the planted data give it nothing to move.
 """
 
 from typing import Any
+
+import numpy as np
 
 from ransac_fix.audit.worker.interface import (
     Defaults,
@@ -14,61 +17,160 @@ from ransac_fix.audit.worker.interface import (
     Settings,
     Unmeasured,
 )
-from ransac_fix.audit.worker.planted import Planted
+from ransac_fix.audit.worker.planted import CENTRE, FOCAL, PROBLEMS, Planted
+
+_CAMERA = np.array([[FOCAL, 0, CENTRE], [0, FOCAL, CENTRE], [0, 0, 1]])
+_USAC = ("USAC_DEFAULT", "USAC_ACCURATE", "USAC_FAST", "USAC_MAGSAC", "USAC_PARALLEL")
 
 
 def _outcome(mask: Any) -> Outcome:
     return Outcome(None if mask is None else mask.ravel().astype(bool))
 
 
-def _entry_points(cv2: Any) -> list[EntryPoint | Unmeasured]:
-    cv2.setNumThreads(1)
+def _options(settings: Settings | None, **names: str) -> dict[str, Any]:
+    if settings is None:
+        return {}
+    values = {"max_trials": settings.max_trials, "confidence": settings.confidence}
+    return {names.get(key, key): value for key, value in values.items()}
 
-    def homography(method: int) -> Any:
+
+class _Functions:
+    """The functions, each bound to one method."""
+
+    def __init__(self, cv2: Any) -> None:
+        self.cv2 = cv2
+
+    def homography(self, method: int) -> Any:
         def run(planted: Planted, settings: Settings | None, _seed: int) -> Outcome:
-            options = {} if settings is None else _options(settings)
-            _, mask = cv2.findHomography(planted.x, planted.y, method, planted.threshold, **options)
-            return _outcome(mask)
+            options = _options(settings, max_trials="maxIters")
+            found = self.cv2.findHomography(
+                planted.x, planted.y, method, planted.threshold, **options
+            )
+            return _outcome(found[1])
 
         return run
 
-    def affine(method: int) -> Any:
+    def affine(self, name: str, method: int) -> Any:
         def run(planted: Planted, settings: Settings | None, _seed: int) -> Outcome:
-            options = {} if settings is None else _options(settings)
-            _, mask = cv2.estimateAffine2D(
+            found = getattr(self.cv2, name)(
                 planted.x,
                 planted.y,
                 method=method,
                 ransacReprojThreshold=planted.threshold,
-                **options,
+                **_options(settings, max_trials="maxIters"),
             )
-            return _outcome(mask)
+            return _outcome(found[1])
 
         return run
 
-    def _options(settings: Settings) -> dict[str, Any]:
-        return {"maxIters": settings.max_trials, "confidence": settings.confidence}
+    def fundamental(self, method: int) -> Any:
+        def run(planted: Planted, settings: Settings | None, _seed: int) -> Outcome:
+            arguments: tuple[Any, ...] = (planted.x, planted.y, method, planted.threshold)
+            if settings is not None:
+                arguments += (settings.confidence, settings.max_trials)
+            return _outcome(self.cv2.findFundamentalMat(*arguments)[1])
 
+        return run
+
+    def essential(self, method: int) -> Any:
+        def run(planted: Planted, settings: Settings | None, _seed: int) -> Outcome:
+            found = self.cv2.findEssentialMat(
+                planted.x,
+                planted.y,
+                _CAMERA,
+                method=method,
+                threshold=planted.threshold,
+                **_options(settings, max_trials="maxIters", confidence="prob"),
+            )
+            return _outcome(found[1])
+
+        return run
+
+    def pose(self, flags: int) -> Any:
+        def run(planted: Planted, settings: Settings | None, _seed: int) -> Outcome:
+            found, _, _, inliers = self.cv2.solvePnPRansac(
+                planted.x,
+                planted.y,
+                _CAMERA,
+                None,
+                flags=flags,
+                reprojectionError=planted.threshold,
+                **_options(settings, max_trials="iterationsCount"),
+            )
+            if not found or inliers is None:
+                return Outcome(None)
+            mask = np.zeros(planted.n_samples, dtype=bool)
+            mask[inliers.ravel()] = True
+            return Outcome(mask)
+
+        return run
+
+
+def _entry_points(cv2: Any) -> list[EntryPoint | Unmeasured]:
+    cv2.setNumThreads(1)
+    functions = _Functions(cv2)
     entry_points: list[EntryPoint | Unmeasured] = []
-    for name in ("RANSAC", "USAC_DEFAULT"):
-        entry_points += [
+
+    def add(
+        name: str,
+        method: str,
+        problem: str,
+        sample_size: int,
+        run: Any,
+        defaults: tuple[float, int, str],
+        **more: Any,
+    ) -> None:
+        confidence, max_trials, max_trials_name = defaults
+        if method == "USAC_MAGSAC" and f"{problem}_wide" in PROBLEMS:
+            # Its score counts measurements far beyond the threshold.
+            problem = f"{problem}_wide"
+        entry_points.append(
             EntryPoint(
-                f"findHomography({name})",
-                "homography",
-                4,
-                homography(getattr(cv2, name)),
-                Defaults(0.995, max_trials=2000, max_trials_name="maxIters"),
+                f"{name}({method})",
+                problem,
+                sample_size,
+                run,
+                Defaults(confidence, max_trials=max_trials, max_trials_name=max_trials_name),
                 seeded=False,
-            ),
-            EntryPoint(
-                f"estimateAffine2D({name})",
-                "affine",
-                3,
-                affine(getattr(cv2, name)),
-                Defaults(0.99, max_trials=2000, max_trials_name="maxIters"),
-                seeded=False,
-            ),
-        ]
+                **more,
+            )
+        )
+
+    methods = ("RANSAC", *(name for name in _USAC if hasattr(cv2, name)))
+    for method in methods:
+        run = functions.homography(getattr(cv2, method))
+        add("findHomography", method, "homography", 4, run, (0.995, 2000, "maxIters"))
+    for method in methods:
+        run = functions.fundamental(getattr(cv2, method))
+        defaults = (0.99, 1000, "maxIters")
+        # Below 15 measurements the classic method is least median of squares, whatever is asked
+        # for, and USAC's local optimisation wants more than its sample.
+        more = {"spare": 2, "fewest_samples": 18}
+        add("findFundamentalMat", method, "fundamental", 7, run, defaults, **more)
+    for method in methods:
+        run = functions.essential(getattr(cv2, method))
+        defaults = (0.999, 1000, "maxIters")
+        more = {"spare": 2, "typical_trials": 25}
+        add("findEssentialMat", method, "essential", 5, run, defaults, **more)
+    for method, k, verifying in (
+        ("SOLVEPNP_P3P", 4, 1),
+        ("SOLVEPNP_AP3P", 4, 1),
+        ("SOLVEPNP_EPNP", 5, 0),
+    ):
+        run = functions.pose(getattr(cv2, method))
+        defaults = (0.99, 100, "iterationsCount")
+        more = {"verifying": verifying, "typical_trials": 30}
+        add("solvePnPRansac", method, "absolute_pose", k, run, defaults, **more)
+    for method in methods:
+        run = functions.affine("estimateAffine2D", getattr(cv2, method))
+        add("estimateAffine2D", method, "affine", 3, run, (0.99, 2000, "maxIters"))
+    for name, problem, k in (
+        ("estimateAffinePartial2D", "similarity", 2),
+        ("estimateTranslation2D", "translation", 1),
+    ):
+        if hasattr(cv2, name):
+            run = functions.affine(name, cv2.RANSAC)
+            add(name, "RANSAC", problem, k, run, (0.99, 2000, "maxIters"))
     return entry_points
 
 

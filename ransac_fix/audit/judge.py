@@ -58,6 +58,11 @@ def judge(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tuple[Jud
     else:
         verdict = "undersamples" if direction > 0 else "oversamples"
         reason = f"assumes P = {assumption(law)}, but draws {drawn}: {_consequence(law, sampler)}"
+    if law.inlier_offset == 1 and law.assumed == sampler.drawn:
+        reason += (
+            f" (for sets of {law.inlier_offset} more it is exact: with I in hand only a larger set "
+            "is of interest)"
+        )
     if law.tested == "on improvement":
         reason += "; it consults the rule only when the model in hand improves"
         if verdict == "exact":

@@ -8,9 +8,9 @@ from ransac_fix.audit.model import Point, SamplerLaw
 
 # Runs that look at the sampler: at first, and at most. They double until they suffice.
 _FIRST_HELPING = 40
-_MOST_LOOKS = 2_000
+_MOST_LOOKS = 2_560
 _POINTS = 3
-_STREAMS = 15
+_STREAMS = 40
 SEED = 20_250_000
 
 
@@ -67,12 +67,13 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
     k, typical = one["sample_size"], one["typical_trials"]
+    limits = {"spare": one["spare"], "fewest": one["fewest_samples"]}
     for attempt in range(2):
         # Counted trials are checked by a flip point; flip points are the evidence else.
-        steps = [("flip", setting, _POINTS) for setting in plan.settings(k, typical)]
+        steps = [("flip", setting, _POINTS) for setting in plan.settings(k, typical, **limits)]
         if one["counted"] and attempt == 0:
-            steps = [("count", s, _POINTS) for s in plan.counted_settings(k, typical)]
-            steps.append(("flip", plan.settings(k, typical)[0], 1))
+            steps = [("count", s, _POINTS) for s in plan.counted_settings(k, typical, **limits)]
+            steps.append(("flip", plan.settings(k, typical, **limits)[0], 1))
         for kind, setting, wanted in steps:
             answer = host.ask(
                 "points",
@@ -99,7 +100,7 @@ def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[s
         "n_groups": setting.n_groups,
         "wanted": wanted,
         "streams": _STREAMS,
-        "largest": 30 * setting.trials,
+        "largest": 8 * setting.trials,
         "smallest": max(8, setting.trials // 4),
         "seed": seed,
         "u": [2.5, 6.0],
@@ -124,7 +125,9 @@ def _sampler_law(host: Asked, one: dict[str, Any], seed: int) -> tuple[SamplerLa
     k = one["sample_size"]
     looks = _FIRST_HELPING
     while True:
-        cases = plan.hit_cases(k, one["seeded"], looks)[len(hits) :]
+        cases = plan.hit_cases(
+            k, one["seeded"], looks, spare=one["spare"], fewest=one["fewest_samples"]
+        )[len(hits) :]
         answer = host.ask(
             "hits",
             entry_point=one["name"],
@@ -134,7 +137,7 @@ def _sampler_law(host: Asked, one: dict[str, Any], seed: int) -> tuple[SamplerLa
         hits += [
             sampling.Hit(case, raw[-1]) for case, raw in zip(cases, answer["hits"], strict=True)
         ]
-        law = sampling.decide(hits, k)
+        law = sampling.decide(hits, k, one["verifying"])
         if law.drawn != "undecided" or looks >= _MOST_LOOKS:
             return law, looks
         looks *= 2

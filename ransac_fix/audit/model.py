@@ -110,6 +110,9 @@ class SamplerLaw:
         How many runs there were.
     interval : tuple of float
         99 % interval of the chance to hit, relative to that of distinct uniform draws.
+    found : float
+        Share of the samples that lie in the group from which the library finds it, as fitted:
+        below 1 where checks reject samples and count them, or solvers fail.
     """
 
     drawn: Drawn
@@ -118,6 +121,7 @@ class SamplerLaw:
     expected: float
     runs: int
     interval: tuple[float, float]
+    found: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,9 +29,13 @@ class Setting:
 
 # The inlier ratio must differ between the problems, or a factor passes for an exponent.
 _LENGTHS = (2.0, 1.0, 0.5)
+# Trials of a run that looks at the sampler.
+_LONGEST_LOOK = 200
 
 
-def settings(sample_size: int, typical_trials: int) -> tuple[Setting, ...]:
+def settings(
+    sample_size: int, typical_trials: float, *, spare: int = 1, fewest: int = 0
+) -> tuple[Setting, ...]:
     """Return problems on which B comes after about `typical_trials` trials.
 
     Three sizes and ratios, so that no factor and shift can make one law look like another.
@@ -40,19 +44,25 @@ def settings(sample_size: int, typical_trials: int) -> tuple[Setting, ...]:
     ----------
     sample_size : int
         k.
-    typical_trials : int
+    typical_trials : float
         How long a run may be.
+    spare : int
+        By how much the smallest group exceeds a sample.
+    fewest : int
+        Fewest measurements.
     """
     chosen = []
-    for size, length in enumerate(_LENGTHS, sample_size + 1):
+    for size, length in enumerate(_LENGTHS, sample_size + spare):
         larger = size + 1
         trials = length * typical_trials
-        n = _rare_enough(larger, sample_size, trials, larger + size)
+        n = _rare_enough(larger, sample_size, trials, max(fewest, larger + size))
         chosen.append(Setting(n, size, max(1, min(3, (n - larger) // size)), round(trials)))
     return tuple(chosen)
 
 
-def counted_settings(sample_size: int, typical_trials: int) -> tuple[Setting, ...]:
+def counted_settings(
+    sample_size: int, typical_trials: float, *, spare: int = 1, fewest: int = 0
+) -> tuple[Setting, ...]:
     """Return problems for counted trials: one A, found after a third of `typical_trials`.
 
     The rule then asks for about `typical_trials` with u around 3.
@@ -61,17 +71,19 @@ def counted_settings(sample_size: int, typical_trials: int) -> tuple[Setting, ..
     ----------
     sample_size : int
         k.
-    typical_trials : int
+    typical_trials : float
         How long a run may be.
+    spare, fewest : int
+        As in `settings`.
     """
     return tuple(
         Setting(
-            _rare_enough(size, sample_size, length * typical_trials / 3, size + 2),
+            _rare_enough(size, sample_size, length * typical_trials / 3, max(fewest, size + 2)),
             size,
             1,
             round(length * typical_trials),
         )
-        for size, length in enumerate(_LENGTHS, sample_size + 1)
+        for size, length in enumerate(_LENGTHS, sample_size + spare)
     )
 
 
@@ -103,7 +115,9 @@ class Case:
     first: Literal["anything", "groups", "clutter"] = "anything"
 
 
-def hit_cases(sample_size: int, seeded: bool, runs: int) -> list[Case]:
+def hit_cases(
+    sample_size: int, seeded: bool, runs: int, *, spare: int = 1, fewest: int = 0
+) -> list[Case]:
     """Return the runs that look at the sampler.
 
     Drawing k of k + 1 with replacement often repeats an index, which tells the two ways of
@@ -119,22 +133,29 @@ def hit_cases(sample_size: int, seeded: bool, runs: int) -> list[Case]:
         Whether the seed changes the samples.
     runs : int
         How many.
+    spare, fewest : int
+        As in `settings`.
     """
-    k = sample_size
+    k, size = sample_size, sample_size + spare
+    least = max(fewest, size)
     if seeded:
-        trials = _even_trials(k + 1, k + 4, k)
+        n = max(fewest, size + 3)
+        trials = _even_trials(size, n, k)
         cycle = [
-            Case(k + 4, k + 1, trials, "groups"),
-            Case(k + 1, k + 1, 1),
-            Case(k + 4, k + 1, trials, "clutter"),
+            Case(n, size, trials, "groups"),
+            Case(least, least, 1),
+            Case(n, size, trials, "clutter"),
+            # Here few samples repeat an index: were as many missed, a check would be the reason.
+            Case(8 * size, 8 * size, 1),
         ]
         return [cycle[index % len(cycle)] for index in range(runs)]
     # With all measurements in the group only a repeated index misses it. One sample an n.
-    once = [Case(n, n, 1) for n in range(k + 1, k + 41)]
+    once = [Case(n, n, 1) for n in range(least, least + 40)]
     cycle = [
         Case(n, size, _even_trials(size, n, k))
-        for n in range(k + 2, k + 11)
-        for size in range(k + 1, n)
+        for n in range(least + 1, least + 10)
+        for size in range(k + spare, n)
+        if _even_trials(size, n, k) <= _LONGEST_LOOK
     ]
     return (once + [cycle[index % len(cycle)] for index in range(runs)])[:runs]
 

@@ -36,8 +36,11 @@ class Hit:
     hit: bool
 
 
-def decide(hits: Sequence[Hit], sample_size: int) -> SamplerLaw:
+def decide(hits: Sequence[Hit], sample_size: int, verifying: int = 0) -> SamplerLaw:
     """Decide how samples are drawn, if the runs suffice.
+
+    A library may fail to find the group from a sample that lies in it (a check that counts as a
+    trial, a solver that loses its way), so every law has a factor on its chances that is fitted.
 
     Parameters
     ----------
@@ -45,6 +48,9 @@ def decide(hits: Sequence[Hit], sample_size: int) -> SamplerLaw:
         Runs on independent streams.
     sample_size : int
         k as documented; others are tried too.
+    verifying : int, optional
+        How many of a sample only choose among the models that the others give: a group can be
+        found from a sample that holds it but for these. k is then taken as documented.
 
     Returns
     -------
@@ -53,18 +59,22 @@ def decide(hits: Sequence[Hit], sample_size: int) -> SamplerLaw:
         all of those known are impossible.
     """
     tally = _Tally(hits)
+    sizes = [sample_size]
+    if not verifying:
+        sizes = list(range(max(1, sample_size - 3), sample_size + 4))
     laws = [
-        (tally.log_likelihood(tally.chances(drawn, size)), drawn, size)
-        for size in range(max(1, sample_size - 3), sample_size + 4)
+        (*tally.likeliest(chances), drawn, size, chances)
+        for size in sizes
         for drawn in (_LAWS if size > 1 else _LAWS[:1])
+        for chances in tally.possible(drawn, size, verifying)
     ]
-    laws.sort(reverse=True)
-    best, drawn, size = laws[0]
-    chances = tally.chances(drawn, size)
+    laws.sort(key=lambda law: -law[0])
+    best, factor, drawn, size, chances = laws[0]
+    rival = next((law for law in laws if law[2:4] != (drawn, size)), None)
     decided: Drawn = drawn
-    if tally.deviation(chances) > _IMPOSSIBLE:
+    if tally.deviation(chances, factor) > _IMPOSSIBLE:
         decided = "not uniform"
-    elif best - laws[1][0] < _DECIDED:
+    elif rival is not None and best - rival[0] < _DECIDED:
         decided = "undecided"
     low, high = tally.interval(tally.chances("distinct", size))
     return SamplerLaw(
@@ -74,12 +84,17 @@ def decide(hits: Sequence[Hit], sample_size: int) -> SamplerLaw:
         expected=round(tally.expected(chances), 2),
         runs=len(hits),
         interval=(round(low, 3), round(high, 3)),
+        found=factor,
     )
 
 
 _LAWS: tuple[Literal["distinct", "replacement"], ...] = ("distinct", "replacement")
 # A group may be missed for other reasons than the draw, so nothing is quite impossible.
 _SURPRISE = 1e-4
+# The share of samples in the group from which it may be found.
+_FOUND = (1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)
+# A library that finds it from all of them is e^3 times as likely beforehand.
+_RARELY = 3.0
 _FACTORS = tuple(math.exp(step / 50) for step in range(-250, 151))
 
 
@@ -100,6 +115,25 @@ class _Tally:
             for case, _, _ in self._cases
         ]
 
+    def possible(
+        self, drawn: Literal["distinct", "replacement"], sample_size: int, verifying: int
+    ) -> list[list[float]]:
+        """Return the chances of a law; several where some of a sample only verify."""
+        all_in = self.chances(drawn, sample_size)
+        if not verifying:
+            return [all_in]
+        solved = self.chances(drawn, sample_size - verifying)
+        return [
+            [(1 - share) * a + share * b for a, b in zip(all_in, solved, strict=True)]
+            for share in (0.0, 0.25, 0.5, 0.75, 1.0)
+        ]
+
+    def likeliest(self, chances: Sequence[float]) -> tuple[float, float]:
+        """Return the log-likelihood with the best share of samples found, and that share."""
+        return max(
+            (self.log_likelihood(chances, share) - _RARELY * (share < 1), share) for share in _FOUND
+        )
+
     def expected(self, chances: Sequence[float]) -> float:
         """Return how many runs should hit."""
         return sum(
@@ -116,14 +150,15 @@ class _Tally:
             total += found * math.log(probability) + missed * math.log1p(-probability)
         return total
 
-    def deviation(self, chances: Sequence[float]) -> float:
+    def deviation(self, chances: Sequence[float], factor: float) -> float:
         """Return how many standard deviations the hits are off, in the kind of run most so.
 
         The kinds are: everything in the group, the group first, the clutter first, any order.
         """
         kinds: dict[tuple[bool, str], list[float]] = {}
         for (case, found, missed), chance in zip(self._cases, chances, strict=True):
-            probability = min(max(_within(chance, case.trials), _SURPRISE), 1 - _SURPRISE)
+            probability = _within(min(1.0, factor * chance), case.trials)
+            probability = min(max(probability, _SURPRISE), 1 - _SURPRISE)
             runs = found + missed
             kind = kinds.setdefault((case.n == case.size, case.first), [0.0, 0.0])
             kind[0] += found - runs * probability

@@ -32,6 +32,7 @@ _CONTROL_PROBE = Path(__file__).parent / "control_probe.py"
 # A default cap up to this many trials is checked by running into it.
 _CHECKED_TRIALS = 5_000
 _CHECK_STREAMS = 12
+_CHECK_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +249,9 @@ def _check_defaults(
     if law is None or cap is None or cap > _CHECKED_TRIALS:
         return None, 0
     # B comes after about as many trials as the cap allows; the rule would allow far more.
-    setting = plan.settings(one["sample_size"], cap)[0]
+    setting = plan.settings(
+        one["sample_size"], cap / 2, spare=one["spare"], fewest=one["fewest_samples"]
+    )[0]
     rule = rule_trials(law, setting.group_size, setting.n, declared["confidence"])
     if rule * declared["multiplier"] < 1.5 * cap:
         return None, 0
@@ -260,6 +263,7 @@ def _check_defaults(
         n_groups=1,
         trials=cap,
         streams=_CHECK_STREAMS,
+        seconds=_CHECK_SECONDS,
         seed=SEED + 5000,
     )
     return answer["different"] == 0, answer["runs"]

@@ -57,9 +57,11 @@ def test_no_sample_across_groups_meets_a_further_measurement(problem):
 
 
 def test_single_precision_changes_nothing():
-    for problem in PROBLEMS:
+    # Poses hold rotations, which no choice of numbers makes exact; their thresholds allow for it.
+    exact = set(PROBLEMS) - {"essential", "absolute_pose", "rigid3d", "similarity3d"}
+    for problem in sorted(exact):
         for seed in range(10):
-            planted = plant(problem, 20, SIZES[problem] + 1, 1, SIZES[problem] + 2, seed)
+            planted = plant(problem, 24, 9, 1, 10, seed)
             assert np.array_equal(planted.x.astype(np.float32), planted.x)
             assert np.array_equal(planted.y.astype(np.float32), planted.y)
 

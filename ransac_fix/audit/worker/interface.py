@@ -96,6 +96,13 @@ class EntryPoint:
         ``seed`` changes the random stream; otherwise only the order of the measurements does.
     typical_trials : int
         How many trials a measured run should take: lower for slow libraries.
+    fewest_samples : int
+        Measurements below which the function does something else.
+    spare : int
+        By how much the groups planted exceed a sample: more where samples give several models,
+        which meet further measurements by chance.
+    verifying : int
+        How many of a sample only choose among the models that the others give.
     """
 
     name: str
@@ -106,6 +113,9 @@ class EntryPoint:
     counted: bool = False
     seeded: bool = True
     typical_trials: int = 80
+    fewest_samples: int = 0
+    spare: int = 1
+    verifying: int = 0
 
 
 @dataclass(frozen=True)

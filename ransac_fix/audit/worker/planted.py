@@ -61,9 +61,9 @@ class Planted:
         return label
 
 
-def _grid(values: NDArray[np.float64], bits: int) -> NDArray[np.float64]:
+def _grid(values: float | NDArray[np.float64], bits: int) -> NDArray[np.float64]:
     """Round to multiples of 2^-bits, so that sums and products stay exact."""
-    return np.asarray(np.round(values * 2.0**bits) / 2.0**bits)
+    return np.asarray(np.round(np.multiply(values, 2.0**bits)) / 2.0**bits)
 
 
 def _ring(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -86,44 +86,207 @@ def _line(
 
 
 def _plane_map(
-    labels: NDArray[np.int64], rng: np.random.Generator, similarity: bool
+    labels: NDArray[np.int64], rng: np.random.Generator, spread: float, similarity: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     src = _ring(len(labels), rng)
-    dst = src + _grid(rng.uniform(-4, 4, src.shape), 10)
+    dst = src + _grid(rng.uniform(-spread, spread, src.shape), 10)
     for label in range(labels.max() + 1):
-        linear = np.eye(2) + _grid(rng.uniform(-4, 4, (2, 2)) / 1024, 11)
+        linear = np.eye(2) + _grid(rng.uniform(-spread, spread, (2, 2)) / 1024, 11)
         if similarity:
             a, b = linear[0]
             linear = np.array([[a, -b], [b, a]])
-        dst[labels == label] = src[labels == label] @ linear.T + _grid(rng.uniform(-4, 4, 2), 10)
+        shift = _grid(rng.uniform(-spread, spread, 2), 10)
+        dst[labels == label] = src[labels == label] @ linear.T + shift
     return src, dst
 
 
 def _affine(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return _plane_map(labels, rng, similarity=False)
+    return _plane_map(labels, rng, 4)
+
+
+def _affine_wide(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _plane_map(labels, rng, 100)
 
 
 def _similarity(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return _plane_map(labels, rng, similarity=True)
+    return _plane_map(labels, rng, 4, similarity=True)
+
+
+def _translation(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    src = _ring(len(labels), rng)
+    dst = src + _grid(rng.uniform(-4, 4, src.shape), 10)
+    for label in range(labels.max() + 1):
+        dst[labels == label] = src[labels == label] + _grid(rng.uniform(-4, 4, 2), 10)
+    return src, dst
+
+
+def _fundamental(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points on the epipolar lines of a family of matrices for which they are exact.
+
+    The second row of every matrix is (0, 0, 1), so the second coordinate follows from the first
+    by sums and products of multiples of powers of two. Its first row times a is its third, up to
+    the last column, which makes the rank 2.
+    """
+    n = len(labels)
+    x = 4 * np.round(rng.uniform(30, 200, (n, 2)))
+    y = x + 4 * np.round(rng.uniform(-15, 15, (n, 2)))
+    for label in range(labels.max() + 1):
+        members = labels == label
+        a = 2.0**13 * rng.choice([-1, 1])
+        f11 = rng.integers(-3, 4) * 2.0**-18
+        f13, f33 = _grid(rng.uniform(-0.05, 0.05), 10), _grid(rng.uniform(-30, 30), 4)
+        x1, x2 = x[members].T
+        y1 = y[members, 0]
+        slope = f11 * x1 - x2 / a
+        y[members, 1] = -(slope + f13) * y1 - a * slope - f33
+    return x, y
+
+
+FOCAL = 1000.0
+CENTRE = 512.0
+
+
+def _small_rotation(rng: np.random.Generator, angle: float) -> NDArray[np.float64]:
+    """Rotate about a random axis by up to an angle, in radians."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    theta = rng.uniform(-angle, angle)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + np.sin(theta) * cross + (1 - np.cos(theta)) * cross @ cross)
+
+
+def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Project points in the camera's frame, shape (n, 3), to pixels, shape (n, 2)."""
+    return np.asarray(FOCAL * points[:, :2] / points[:, 2:] + CENTRE)
+
+
+def _seen(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return n points in front of a camera at the origin."""
+    return rng.uniform([-2, -2, 4], [2, 2, 8], (n, 3))
+
+
+def _essential(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = _seen(len(labels), rng)
+    moved = points + rng.uniform(-0.5, 0.5, points.shape)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        shift = rng.normal(size=3)
+        shift *= 0.5 / np.linalg.norm(shift)
+        moved[members] = points[members] @ _small_rotation(rng, 0.1).T + shift
+    return project(points), project(moved)
+
+
+def _absolute_pose(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = _seen(len(labels), rng)
+    moved = points + rng.uniform(-0.3, 0.3, points.shape)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        rotation = _small_rotation(rng, 0.05)
+        moved[members] = points[members] @ rotation.T + rng.uniform(-0.2, 0.2, 3)
+    return points, project(moved)
+
+
+def _solid(
+    labels: NDArray[np.int64], rng: np.random.Generator, scaled: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    src = np.round(rng.uniform(-500, 500, (len(labels), 3)))
+    dst = src + rng.uniform(-60, 60, src.shape)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        scale = rng.uniform(0.9, 1.1) if scaled else 1.0
+        moved = scale * src[members] @ _small_rotation(rng, 0.1).T
+        dst[members] = moved + rng.uniform(-20, 20, 3)
+    return src, dst
+
+
+def _rigid3d(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _solid(labels, rng, scaled=False)
+
+
+def _similarity3d(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _solid(labels, rng, scaled=True)
+
+
+def _affine3d(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    src = np.round(rng.uniform(-500, 500, (len(labels), 3)))
+    dst = src + _grid(rng.uniform(-60, 60, src.shape), 8)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        linear = np.eye(3) + _grid(rng.uniform(-0.1, 0.1, (3, 3)), 8)
+        dst[members] = src[members] @ linear.T + _grid(rng.uniform(-20, 20, 3), 8)
+    return src, dst
+
+
+def _translation3d(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    src = np.round(rng.uniform(-500, 500, (len(labels), 3)))
+    dst = src + _grid(rng.uniform(-60, 60, src.shape), 8)
+    for label in range(labels.max() + 1):
+        dst[labels == label] = src[labels == label] + _grid(rng.uniform(-60, 60, 3), 8)
+    return src, dst
+
+
+def _plane(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = np.round(rng.uniform(-500, 500, (len(labels), 3)))
+    for label in range(labels.max() + 1):
+        members = labels == label
+        slope_x, slope_y, height = _grid(rng.uniform([-0.5, -0.5, -300], [0.5, 0.5, 300]), 8)
+        points[members, 2] = slope_x * points[members, 0] + slope_y * points[members, 1] + height
+    return points, np.empty((len(labels), 0))
 
 
 Maker = Callable[
     ["NDArray[np.int64]", np.random.Generator], "tuple[NDArray[np.float64], NDArray[np.float64]]"
 ]
 
-# name -> (maker, threshold)
+# name -> (maker, threshold). Coordinates are pixels where they are two, else units of length.
 PROBLEMS: dict[str, tuple[Maker, float]] = {
     # y = a x + b; x (n, 1), y (n, 1)
     "line": (_line, 1e-6),
-    # plane to plane in pixels; x (n, 2), y (n, 2). An affine map is a homography too, and one
-    # that single precision holds exactly.
-    "affine": (_affine, 0.01),
-    "homography": (_affine, 0.01),
+    # a x = d; x (n, 3), y (n, 0)
+    "plane": (_plane, 1e-3),
+    # image to image; x (n, 2), y (n, 2)
+    "translation": (_translation, 0.01),
     "similarity": (_similarity, 0.01),
+    "affine": (_affine, 0.01),
+    # An affine map is a homography too, and one that single precision holds exactly.
+    "homography": (_affine, 0.01),
+    # with clutter far off, for scores that reach beyond the threshold
+    "affine_wide": (_affine_wide, 0.5),
+    "homography_wide": (_affine_wide, 0.5),
+    "fundamental": (_fundamental, 1e-3),
+    # the same with cameras of FOCAL and CENTRE
+    "essential": (_essential, 1e-3),
+    # world to image; x (n, 3), y (n, 2), with such a camera
+    "absolute_pose": (_absolute_pose, 0.02),
+    # space to space; x (n, 3), y (n, 3)
+    "translation3d": (_translation3d, 0.01),
+    "rigid3d": (_rigid3d, 0.01),
+    "similarity3d": (_similarity3d, 0.01),
+    "affine3d": (_affine3d, 0.01),
 }
 
 

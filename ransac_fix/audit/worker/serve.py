@@ -85,6 +85,9 @@ def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:
         "counted": one.counted,
         "seeded": one.seeded,
         "typical_trials": one.typical_trials,
+        "fewest_samples": one.fewest_samples,
+        "spare": one.spare,
+        "verifying": one.verifying,
         "defaults": None if one.defaults is None else vars(one.defaults),
     }
 

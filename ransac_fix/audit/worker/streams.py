@@ -8,6 +8,7 @@ lets trial t_B happen.
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -115,9 +116,31 @@ def first_true(predicate: Callable[[int], bool], largest: int) -> int | None:
     return high
 
 
-def trial_of_b(stream: Stream, largest: int) -> int | None:
-    """t_B: the trial at which B is found when nothing but the budget stops the run."""
-    return first_true(lambda t: stream.finds_b(t, LARGEST_CONFIDENCE), largest)
+def _trial_of_b_after_a(stream: Stream, largest: int) -> int:
+    """t_B: the trial at which B is found when nothing but the budget stops the run.
+
+    Most streams find B without an A before, and show it as the budget is doubled: those are
+    given up early.
+    """
+    budget, a_seen = 2, False
+    while True:
+        group = stream.group(budget, LARGEST_CONFIDENCE)
+        if group == stream.label_b:
+            break
+        a_seen |= group is not None
+        if budget >= largest:
+            raise Discarded("the larger model was not found within the budget")
+        budget = min(2 * budget, largest)
+    if not a_seen:
+        raise Discarded("no smaller model was seen before the larger one")
+    low, high = budget // 2, budget
+    while high - low > 1:
+        middle = (low + high) // 2
+        if stream.finds_b(middle, LARGEST_CONFIDENCE):
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
@@ -140,9 +163,7 @@ def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
         If the stream cannot show the rule.
     """
     planted = stream.planted
-    t_b = trial_of_b(stream, largest)
-    if t_b is None:
-        raise Discarded("the larger model was not found within the budget")
+    t_b = _trial_of_b_after_a(stream, largest)
     if t_b < smallest:
         raise Discarded("the larger model came too early")
     before = stream.run(t_b - 1, LARGEST_CONFIDENCE).inliers
@@ -332,7 +353,7 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
         The function.
     request : dict
         ``n_samples``, ``group_size``, ``n_groups``, ``trials`` (expected at the defaults),
-        ``streams``, ``seed``.
+        ``streams``, ``seconds`` (no further stream is begun after), ``seed``.
 
     Returns
     -------
@@ -341,7 +362,10 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
         are those expected), ``found`` (streams on which B was found), and ``runs``.
     """
     same = different = found = runs = 0
+    started = time.monotonic()
     for index in range(request["streams"]):
+        if time.monotonic() - started > request["seconds"]:
+            break
         seed = request["seed"] + index
         size = request["group_size"]
         planted = plant(

@@ -1,0 +1,69 @@
+"""Which measurements agree with a model, for libraries that return the model and no inliers.
+
+The planted data are exact, so the tolerance is only for what a solver loses.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ransac_fix.audit.worker.planted import project
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ransac_fix.audit.worker.planted import Planted
+
+
+def with_homography(
+    planted: Planted, homography: NDArray[np.float64], tolerance: float
+) -> NDArray[np.bool_]:
+    """Compare ``H (x, 1)`` with y, in pixels."""
+    mapped = np.column_stack([planted.x, np.ones(planted.n_samples)]) @ homography.T
+    return _within(mapped[:, :2] / mapped[:, 2:] - planted.y, tolerance)
+
+
+def with_fundamental(
+    planted: Planted, fundamental: NDArray[np.float64], tolerance: float
+) -> NDArray[np.bool_]:
+    """Compare ``(y, 1) F (x, 1)`` with 0, as the Sampson distance in pixels."""
+    x = np.column_stack([planted.x, np.ones(planted.n_samples)])
+    y = np.column_stack([planted.y, np.ones(planted.n_samples)])
+    lines_y, lines_x = x @ fundamental.T, y @ fundamental
+    scale = np.hypot(np.hypot(*lines_y[:, :2].T), np.hypot(*lines_x[:, :2].T))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.abs((y * lines_y).sum(axis=1)) / scale
+    return np.asarray(distance < tolerance)
+
+
+def with_motion(
+    planted: Planted,
+    linear: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """Compare ``A x + b`` with y."""
+    return _within(planted.x @ linear.T + shift - planted.y, tolerance)
+
+
+def with_pose(
+    planted: Planted,
+    rotation: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """Compare the projection of ``R x + t`` with y, in pixels."""
+    return _within(project(planted.x @ rotation.T + shift) - planted.y, tolerance)
+
+
+def with_plane(planted: Planted, plane: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+    """Compare ``a x + b y + c z + d`` with 0, for ``(a, b, c, d)``."""
+    normal, offset = plane[:3], plane[3]
+    return np.asarray(np.abs(planted.x @ normal + offset) < tolerance * np.linalg.norm(normal))
+
+
+def _within(difference: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+    # Not <=: NaN must not agree.
+    return np.asarray(np.linalg.norm(difference, axis=1) < tolerance)
