@@ -12,6 +12,9 @@ from ransac_fix.cli.progress import progress_bar
 from ransac_fix.errors import RansacFixError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ransac_fix.experiments.pose.tables import Row
     from ransac_fix.experiments.synthetic.setup import Shape
 
 
@@ -218,3 +221,187 @@ def _need(*modules: str) -> None:
 
 _synthetic("line", "The paper's table of 2D lines.")
 _synthetic("ellipse", "The paper's table of 2D ellipses.")
+
+
+_KINDS = ["homography", "essential", "fundamental", "pnp"]
+
+
+def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
+    """Add the options that `pose` and `teaser` share."""
+    options = [
+        click.option(
+            "--data",
+            type=click.Path(path_type=Path),
+            help="Folder of correspondences with ground truth: the project's layout, or the "
+            "PoseLib benchmark's HDF5 files. Without it, the stereo pair inside scikit-image.",
+        ),
+        click.option(
+            "--library",
+            type=click.Choice(["poselib", "opencv", "colmap"]),
+            default="poselib",
+            show_default=True,
+            help="Which library runs, bare; the paper's is PoseLib.",
+        ),
+        click.option(
+            "--repeats",
+            type=click.IntRange(1),
+            help="Subsamples of each pair; 5 by default, 100 of the stereo pair.",
+        ),
+        click.option(
+            "--max-trials",
+            "cap",
+            type=click.IntRange(1),
+            default=20_000,
+            show_default=True,
+            help="Trials after which a run ends though its rule is not met; how often is told.",
+        ),
+        click.option("--seed", type=click.IntRange(0), default=0, show_default=True),
+        click.option(
+            "--jobs",
+            type=int,
+            default=1,
+            show_default=True,
+            help="Workers; more than idle cores lengthen the times.",
+        ),
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+@command.command(help="The paper's camera pose tables, on real correspondences.")
+@_pose_options
+@click.option(
+    "--kind", "kinds", multiple=True, type=click.Choice(_KINDS), help="All kinds by default."
+)
+@click.option(
+    "--n",
+    "ns",
+    multiple=True,
+    type=click.IntRange(8, 100_000),
+    help="Correspondences, drawn from a pair's; 20, 100, 200 and 1000 by default, 20 and 50 of the "
+    "stereo pair.",
+)
+@click.option(
+    "--confidence",
+    "confidences",
+    multiple=True,
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=(0.95, 0.99),
+    show_default=True,
+)
+@click.option("--by-dataset", is_flag=True, help="Also a table for each data set.")
+@click.option(
+    "--output-format",
+    type=click.Choice(["text", "markdown", "json"]),
+    default="text",
+    show_default=True,
+)
+def pose(
+    data: Path | None,
+    library: str,
+    repeats: int | None,
+    cap: int,
+    seed: int,
+    jobs: int,
+    kinds: tuple[str, ...],
+    ns: tuple[int, ...],
+    confidences: tuple[float, ...],
+    by_dataset: bool,
+    output_format: str,
+) -> None:
+    """Run both rules on subsamples of real pairs and print the tables."""
+    ns = ns or ((20, 50) if data is None else (20, 100, 200, 1000))
+    rows = _pose_rows(
+        data, library, repeats, cap, seed, jobs, kinds or tuple(_KINDS), ns, confidences, by_dataset
+    )
+    from ransac_fix.report import pose as report
+
+    paper = data is not None
+    if output_format == "json":
+        click.echo(report.pose_json(rows, library))
+    elif output_format == "markdown":
+        click.echo(report.pose_markdown(rows, library, paper=paper))
+    else:
+        click.echo(report.pose_text(rows, library, paper=paper))
+
+
+@command.command(help="The paper's teaser: accuracy against run time as s varies, both rules.")
+@_pose_options
+@click.option(
+    "--kind", type=click.Choice(_KINDS), default="essential", show_default=True, help="Problem."
+)
+@click.option(
+    "--n",
+    "n_samples",
+    type=click.IntRange(8, 100_000),
+    default=50,
+    show_default=True,
+    help="Correspondences, drawn from a pair's.",
+)
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default="teaser.svg",
+    show_default=True,
+    help="Where the figure goes: a .svg, .pdf or .png file.",
+)
+def teaser(
+    data: Path | None,
+    library: str,
+    repeats: int | None,
+    cap: int,
+    seed: int,
+    jobs: int,
+    kind: str,
+    n_samples: int,
+    output: Path,
+) -> None:
+    """Run both rules at many confidences, print the numbers and draw them."""
+    from ransac_fix.report.drawing import check_drawable
+
+    check_drawable(output)
+    confidences = (0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 0.9999)
+    rows = _pose_rows(
+        data, library, repeats, cap, seed, jobs, (kind,), (n_samples,), confidences, False
+    )
+    from ransac_fix.report.pose import draw_teaser, teaser_text
+
+    units = {row.unit for row in rows}
+    rows = [row for row in rows if row.unit == ("degrees" if "degrees" in units else rows[0].unit)]
+    click.echo(teaser_text(rows))
+    draw_teaser(rows, output)
+    click.echo(f"written: {output}", err=True)
+
+
+def _pose_rows(
+    data: Path | None,
+    library: str,
+    repeats: int | None,
+    cap: int,
+    seed: int,
+    jobs: int,
+    kinds: tuple[str, ...],
+    ns: tuple[int, ...],
+    confidences: tuple[float, ...],
+    by_dataset: bool,
+) -> "list[Row]":
+    """Load, run and summarise."""
+    if jobs == 0:
+        raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
+    _need("cv2", "poselib", "pycolmap", "skimage")
+    from ransac_fix.experiments.pose.loaders import load_problems, load_stereo_pair
+    from ransac_fix.experiments.pose.tables import Settings, run_problems, summarise
+
+    problems = load_stereo_pair() if data is None else load_problems(data)
+    problems = [problem for problem in problems if problem.kind in kinds]
+    if repeats is None:
+        repeats = 100 if data is None else 5
+    if not any(len(problem.first) >= n for problem in problems for n in ns):
+        raise click.UsageError(
+            f"no pair of kind {', '.join(kinds)} has {min(ns)} correspondences or more"
+        )
+    settings = Settings(library, ns, confidences, repeats, cap, seed)
+    with progress_bar(f"pose, {library}") as progress:
+        cases = run_problems(problems, settings, n_jobs=jobs, progress=progress)
+    return summarise(cases, by_dataset=by_dataset)

@@ -1,0 +1,1 @@
+"""Both rules on real correspondences: homographies, essential and fundamental matrices, PnP."""
