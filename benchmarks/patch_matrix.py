@@ -55,7 +55,9 @@ RELEASES: dict[str, list[tuple[str, str, str, str]]] = {
     "kornia": [
         ("0.6.0", "3.11", "torch", "cannot be imported"),
         *((f"0.6.{minor}", "3.11", "torch", "patched") for minor in range(1, 13)),
-        *((f"0.7.{minor}", "3.11", "torch", "patched") for minor in range(5)),
+        ("0.7.0", "3.11", "torch", "patched"),
+        *((f"0.7.{minor}", "3.11", "torch", "refused") for minor in (1, 2)),
+        *((f"0.7.{minor}", "3.11", "torch", "patched") for minor in (3, 4)),
         *((f"0.8.{minor}", "3.11", "torch", "patched") for minor in range(3)),
         ("0.8.3", "3.11", "torch", "refused"),
         ("0.9.0", "3.11", "torch", "already exact"),

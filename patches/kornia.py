@@ -6,7 +6,8 @@ run to the end of the budget. Here the rule is made exact, and the loop is mende
 each batch begins with a call of ``RANSAC.sample``, and once the bound is reached that call
 draws nothing more, which the loop skips. 0.8.3 has the exact formula, but feeds it a score in
 place of the number of inliers and stops at once where the model has no more inliers than a
-sample: it is refused. 0.9.0 is exact and is left alone. Samples are drawn without replacement.
+sample: it is refused, and so are 0.7.1 and 0.7.2, whose bound is always negative. 0.9.0 is exact
+and is left alone. Samples are drawn without replacement.
 
 ``from ransac_fix.patches.kornia import RANSAC`` is the exact module without any change for the
 rest of the program; where kornia is exact already it is kornia's own class.
@@ -48,6 +49,11 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
     rule = getattr(cls, "max_samples_by_conf", None)
     if not callable(rule):
         raise PatchNotApplicable("RANSAC has no method max_samples_by_conf")
+    if rule(12, 60, 4, 0.99) < 0:
+        raise PatchNotApplicable(
+            "a wrong sign in its rule makes every number of trials negative, so that it stops at"
+            " the first model; 0.7.1 and 0.7.2 alone have it, use 0.7.3 or newer"
+        )
     facts = examine(rule, "RANSAC.max_samples_by_conf")
     if facts.assumes == "exact":
         if rule(3, 10, 4, 0.99) <= 1:
@@ -166,7 +172,7 @@ _MENDED = {
 
 PATCH = LibraryPatch(
     system="kornia",
-    requirements=("kornia>=0.6.0,<=0.8.2", "kornia==0.9.0"),
+    requirements=("kornia>=0.6.1,<=0.9.0,!=0.7.1,!=0.7.2,!=0.8.3",),
     modules=("kornia.geometry.ransac",),
     plan=plan,
 )

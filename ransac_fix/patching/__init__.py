@@ -8,8 +8,7 @@ The names are loaded when first used: what a worker process imports at its start
 (`ransac_fix.patching.startup`) must cost next to nothing.
 """
 
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # what type checkers take for true; importing `typing` takes longer than all
 if TYPE_CHECKING:
     from ransac_fix.patching.engine import patch, patched, status, unpatch
 

@@ -2,20 +2,25 @@
 
 A meta-path finder asks the other finders for the module, and hands the import system their
 answer with a loader that takes itself out before it runs the module: nothing of it can be seen
-in ``module.__loader__`` or ``module.__spec__``. Only ``sys`` and ``_thread`` are imported, for
-every worker process pays for this module at its start.
+in ``module.__loader__`` or ``module.__spec__``. Next to nothing is imported, for every worker
+process pays for this module at its start.
 """
+
+from __future__ import annotations
 
 import sys
 from _thread import get_ident
-from collections.abc import Callable, Iterable, Sequence
-from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
+
+TYPE_CHECKING = False  # what type checkers take for true; `typing` takes too long to import
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from importlib.machinery import ModuleSpec
+    from typing import Any, TypeAlias
+
+    Callback: TypeAlias = Callable[[ModuleType], None]
 
 __all__ = ["unwatch", "wait_for_import", "watch"]
-
-Callback = Callable[[ModuleType], None]
 
 _watched: dict[str, Callback] = {}
 # Finders may look a name up again while they look it up: (thread, name) being looked up.

@@ -173,7 +173,11 @@ def exact_rule(
         except (TypeError, ValueError):  # what to say to such arguments is the library's affair
             return rule(*args)
         if trials == math.inf:
-            return rule(*args) if running_limit() == math.inf else math.inf
+            limit = running_limit()
+            smaller = range(1, int(n_inliers) + 1)
+            if limit == math.inf or any(limit == rule(i, *args[1:]) for i in smaller):
+                return rule(*args)  # no cap, or none but what was returned here before
+            return math.inf
         if per_log is not None:
             trials = min(trials, math.ceil(-math.log1p(-confidence) * per_log))
         return number(trials)

@@ -9,12 +9,17 @@ those modules is imported. A ``sitecustomize`` that was there before still runs.
 ``RANSAC_FIX=0`` in the environment switches everything off.
 """
 
+from __future__ import annotations
+
 import os
 import sys
-from collections.abc import Mapping, MutableMapping
-from types import ModuleType
 
 from ransac_fix.patching import finder
+
+TYPE_CHECKING = False  # what type checkers take for true; `typing` takes too long to import
+if TYPE_CHECKING:
+    from collections.abc import Mapping, MutableMapping
+    from types import ModuleType
 
 __all__ = ["begin", "environment", "is_inherited", "off", "watched"]
 

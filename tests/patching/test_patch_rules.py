@@ -143,6 +143,15 @@ def test_guards_are_the_librarys(name: str, case: tuple[int, int, int, float]) -
         assert exact(*case) == own
 
 
+def test_its_own_value_for_a_smaller_model_is_no_cap_of_the_users() -> None:
+    """A loop without a cap: the bound set for 5 inliers gives way to the one for 6, and 7."""
+    limit = math.inf
+    exact = make("float_rule", running_limit=lambda: limit)
+    for n_inliers in (5, 6, 7):
+        limit = min(limit, exact(n_inliers, 12, 8, 0.99))
+        assert limit == float_rule(n_inliers, 12, 8, 0.99)
+
+
 def test_limits_are_the_librarys() -> None:
     exact = make("numpy_rule")
     for confidence in (0.5, 0.99, 1):
