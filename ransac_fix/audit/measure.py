@@ -9,7 +9,7 @@ from ransac_fix.audit.model import Point, SamplerLaw
 # Runs that look at the sampler: at first, and at most. They double until they suffice.
 _FIRST_HELPING = 40
 _MOST_LOOKS = 2_560
-_POINTS = 3
+_ENOUGH_POINTS = 6
 _STREAMS = 40
 SEED = 20_250_000
 
@@ -70,10 +70,13 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     limits = {"spare": one["spare"], "fewest": one["fewest_samples"]}
     for attempt in range(2):
         # Counted trials are checked by a flip point; flip points are the evidence else.
-        steps = [("flip", setting, _POINTS) for setting in plan.settings(k, typical, **limits)]
+        steps = [("flip", s, s.points) for s in plan.settings(k, typical, **limits)]
+        if not one["repeatable"]:
+            steps = []
         if one["counted"] and attempt == 0:
-            steps = [("count", s, _POINTS) for s in plan.counted_settings(k, typical, **limits)]
-            steps.append(("flip", plan.settings(k, typical, **limits)[0], 1))
+            checked = steps[:1]
+            steps = [("count", s, s.points) for s in plan.counted_settings(k, typical, **limits)]
+            steps += [("flip", setting, 1) for _, setting, _ in checked]
         for kind, setting, wanted in steps:
             answer = host.ask(
                 "points",
@@ -85,7 +88,7 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
                 discarded[why] = discarded.get(why, 0) + times
             points += [_point(raw, k) for raw in answer["points"]]
         fit = laws.fit(points, one["sample_size"])
-        if fit.law is not None or (not fit.rivals and len(points) >= 2 * _POINTS):
+        if fit.law is not None or (not fit.rivals and len(points) >= _ENOUGH_POINTS):
             break
     if fit.law is not None:
         points = [replace(point, sample_size=fit.law.sample_size) for point in points]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 
@@ -19,12 +20,15 @@ class Setting:
         A groups.
     trials : int
         How many trials a run is expected to take.
+    points : int
+        How many points are wanted.
     """
 
     n: int
     group_size: int
     n_groups: int
     trials: int
+    points: int = 3
 
 
 # The inlier ratio must differ between the problems, or a factor passes for an exponent.
@@ -57,6 +61,7 @@ def settings(
         trials = length * typical_trials
         n = _rare_enough(larger, sample_size, trials, max(fewest, larger + size))
         chosen.append(Setting(n, size, max(1, min(3, (n - larger) // size)), round(trials)))
+    chosen.append(_truncating(sample_size, typical_trials, larger=1, fewest=fewest))
     return tuple(chosen)
 
 
@@ -76,15 +81,31 @@ def counted_settings(
     spare, fewest : int
         As in `settings`.
     """
-    return tuple(
-        Setting(
-            _rare_enough(size, sample_size, length * typical_trials / 3, max(fewest, size + 2)),
-            size,
-            1,
-            round(length * typical_trials),
-        )
-        for size, length in enumerate(_LENGTHS, sample_size + spare)
-    )
+    chosen = []
+    for size, length in enumerate(_LENGTHS, sample_size + spare):
+        n = _rare_enough(size, sample_size, length * typical_trials / 3, max(fewest, size + 2))
+        chosen.append(Setting(n, size, 1, round(length * typical_trials)))
+    chosen.append(_truncating(sample_size, typical_trials / 3, larger=None, fewest=fewest))
+    return tuple(chosen)
+
+
+@lru_cache
+def _truncating(sample_size: int, trials: float, *, larger: int | None, fewest: int) -> Setting:
+    """Return a problem on which I / n * n, truncated, is I - 1: some programs compute I so."""
+    best: tuple[float, Setting] | None = None
+    for n in range(max(fewest, sample_size + 3), 130):
+        for size in range(sample_size + 2, n):
+            # A group of one more must fit beside, where one is planted.
+            if int(size / n * n) == size or (larger is not None and 2 * size + larger > n):
+                continue
+            sought = size + (larger or 0)
+            distance = abs(math.log(trials * _chance(sought, n, sample_size)))
+            if best is None or distance < best[0]:
+                length = max(1, round(1 / _chance(sought, n, sample_size)))
+                expected = length if larger is not None else 3 * length
+                best = distance, Setting(n, size, 1, expected, points=1)
+    assert best is not None
+    return best[1]
 
 
 def _rare_enough(size: int, sample_size: int, trials: float, fewest: int) -> int:

@@ -87,13 +87,15 @@ class EntryPoint:
         k as documented. The measurement also tries others.
     run : callable
         ``run(planted, settings, seed) -> Outcome``. ``settings`` is None for a run at the
-        library's defaults. The same arguments must give the same outcome.
+        library's defaults.
     defaults : Defaults or None
         None where the library asks its user for every value.
     counted : bool
         ``Outcome.trials`` is filled in.
     seeded : bool
         ``seed`` changes the random stream; otherwise only the order of the measurements does.
+    repeatable : bool
+        Whether the same arguments give the same outcome. Otherwise the trials must be counted.
     typical_trials : int
         How many trials a measured run should take: lower for slow libraries.
     fewest_samples : int
@@ -112,6 +114,7 @@ class EntryPoint:
     defaults: Defaults | None = None
     counted: bool = False
     seeded: bool = True
+    repeatable: bool = True
     typical_trials: int = 80
     fewest_samples: int = 0
     spare: int = 1
@@ -148,9 +151,12 @@ class Probe:
         Distributions that may provide it, for the version.
     entry_points : callable
         ``entry_points(module)`` returns the entry points, the one users call most first.
+    one_cpu : bool
+        Keep the process on one CPU, for libraries whose threads race and cannot be told not to.
     """
 
     system: str
     module: str
     distributions: tuple[str, ...]
     entry_points: Callable[[Any], list[EntryPoint | Unmeasured]]
+    one_cpu: bool = False

@@ -6,6 +6,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import json
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,9 @@ class Worker:
         if request.get("prepare"):
             where, function = request["prepare"].split(":")
             getattr(importlib.import_module(where), function)(self.probe.system)
+        if self.probe.one_cpu and hasattr(os, "sched_setaffinity"):
+            allowed = sorted(os.sched_getaffinity(0))
+            os.sched_setaffinity(0, {allowed[os.getpid() % len(allowed)]})
         try:
             library = importlib.import_module(self.probe.module)
         except ModuleNotFoundError as missing:
@@ -84,6 +88,7 @@ def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:
         "sample_size": one.sample_size,
         "counted": one.counted,
         "seeded": one.seeded,
+        "repeatable": one.repeatable,
         "typical_trials": one.typical_trials,
         "fewest_samples": one.fewest_samples,
         "spare": one.spare,

@@ -25,6 +25,8 @@ LARGEST_CONFIDENCE = 1 - 2.0**-53
 U_RANGE = (0.01, 25.0)
 # A flip is known to this fraction of a trial.
 RESOLUTION = 0.03
+# Runs of one stream that is another each time.
+_REPEATS = 8
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,8 @@ def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
     for factor in rng.uniform(1.02, 2.0, 2):
         if passes(low / factor) or not passes(min(high * factor, U_RANGE[1])):
             raise Discarded("the outcome is not monotone in the confidence")
+    if passes(low) or not passes(high):
+        raise Discarded("the same run does not give the same outcome again")
     if not stream.finds_b(t_b + int(rng.integers(1, 20)), LARGEST_CONFIDENCE):
         raise Discarded("the stream depends on the budget")
     return Measured(
@@ -237,12 +241,18 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
     """
 
     def trials(u: float) -> int:
-        outcome = stream.run(largest, confidence_of(u))
-        if outcome.trials is None:
-            raise Discarded("the number of trials was not reported")
-        if stream.planted.group_of(outcome.inliers) is None:
+        # A run ends when the rule says so for A's count, or when A comes if that is later: of
+        # runs that cannot be repeated the shortest is taken.
+        counts = []
+        for _ in range(1 if stream.entry_point.repeatable else _REPEATS):
+            outcome = stream.run(largest, confidence_of(u))
+            if outcome.trials is None:
+                raise Discarded("the number of trials was not reported")
+            if stream.planted.group_of(outcome.inliers) is not None:
+                counts.append(outcome.trials)
+        if not counts:
             raise Discarded("no smaller model was in hand")
-        return outcome.trials
+        return min(counts)
 
     high = u
     count = trials(high)
@@ -259,12 +269,11 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
             high = middle
         else:
             low = middle
-    inliers = stream.run(largest, confidence_of(high)).inliers
-    assert inliers is not None
     return Measured(
         "count",
         stream.planted.n_samples,
-        int(inliers.sum()),
+        # Only A groups are planted, and one was in hand.
+        int((stream.planted.labels == 0).sum()),
         count,
         0,
         u_of(confidence_of(low)),
@@ -373,7 +382,11 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
         )
         stream = Stream(entry_point, planted, seed)
         outcome = stream.run_at_defaults()
-        hit = planted.group_of(outcome.inliers) == stream.label_b
+        group = planted.group_of(outcome.inliers)
+        hit = group == stream.label_b
+        if group is None and outcome.inliers is not None and outcome.inliers.sum() >= size:
+            # A chance model governs the rule.
+            continue
         if outcome.trials is not None:
             agree = outcome.trials == request["trials"]
         else:
