@@ -2,6 +2,7 @@
 
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -219,6 +220,25 @@ def _need(*modules: str) -> None:
         )
 
 
+@command.command(help="Speed of the synthetic tables, beside the machine's peak and scikit-image.")
+@click.option(
+    "--output-format", type=click.Choice(["text", "markdown"]), default="text", show_default=True
+)
+def speed(output_format: str) -> None:
+    """Time the hardest and the easiest row of each table on one core."""
+    _need("numba", "skimage", "threadpoolctl")
+    from ransac_fix.experiments.synthetic.speed import measure_speed, speed_rows
+    from ransac_fix.report.synthetic import speed_text
+
+    rows = speed_rows()
+    speeds = []
+    with progress_bar("speed") as progress:
+        for done, row in enumerate(rows):
+            progress(done, len(rows))
+            speeds.append(measure_speed(*row))
+    click.echo(speed_text(speeds, markdown=output_format == "markdown"))
+
+
 _synthetic("line", "The paper's table of 2D lines.")
 _synthetic("ellipse", "The paper's table of 2D ellipses.")
 
@@ -290,6 +310,13 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
     default=(0.95, 0.99),
     show_default=True,
 )
+@click.option(
+    "--patched",
+    "patch",
+    is_flag=True,
+    help="Compare the library under its own rule with the same calls under ransac-fix's run-time "
+    "patch, in place of the two rules on the bare library.",
+)
 @click.option("--by-dataset", is_flag=True, help="Also a table for each data set.")
 @click.option(
     "--output-format",
@@ -307,13 +334,24 @@ def pose(
     kinds: tuple[str, ...],
     ns: tuple[int, ...],
     confidences: tuple[float, ...],
+    patch: bool,
     by_dataset: bool,
     output_format: str,
 ) -> None:
     """Run both rules on subsamples of real pairs and print the tables."""
     ns = ns or ((20, 50) if data is None else (20, 100, 200, 1000))
     rows = _pose_rows(
-        data, library, repeats, cap, seed, jobs, kinds or tuple(_KINDS), ns, confidences, by_dataset
+        data,
+        library,
+        repeats,
+        cap,
+        seed,
+        jobs,
+        kinds or tuple(_KINDS),
+        ns,
+        confidences,
+        patch,
+        by_dataset,
     )
     from ransac_fix.report import pose as report
 
@@ -363,7 +401,7 @@ def teaser(
     check_drawable(output)
     confidences = (0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 0.9999)
     rows = _pose_rows(
-        data, library, repeats, cap, seed, jobs, (kind,), (n_samples,), confidences, False
+        data, library, repeats, cap, seed, jobs, (kind,), (n_samples,), confidences, False, False
     )
     from ransac_fix.report.pose import draw_teaser, teaser_text
 
@@ -384,6 +422,7 @@ def _pose_rows(
     kinds: tuple[str, ...],
     ns: tuple[int, ...],
     confidences: tuple[float, ...],
+    patch: bool,
     by_dataset: bool,
 ) -> "list[Row]":
     """Load, run and summarise."""
@@ -401,7 +440,12 @@ def _pose_rows(
         raise click.UsageError(
             f"no pair of kind {', '.join(kinds)} has {min(ns)} correspondences or more"
         )
-    settings = Settings(library, ns, confidences, repeats, cap, seed)
+    patched = None
+    if patch:
+        from ransac_fix.patching import patched as patched_library
+
+        patched = partial(patched_library, library)
+    settings = Settings(library, ns, confidences, repeats, cap, seed, patched)
     with progress_bar(f"pose, {library}") as progress:
         cases = run_problems(problems, settings, n_jobs=jobs, progress=progress)
     return summarise(cases, by_dataset=by_dataset)

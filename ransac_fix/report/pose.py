@@ -20,6 +20,7 @@ _NAMES = {
     "pnp": "Perspective-n-Point",
 }
 _HEADER = ("n", "s", "measure", "approximate", "exact", "change [95 %]")
+_PATCHED_HEADER = ("n", "s", "measure", "bare", "patched", "change [95 %]")
 _PAPER_HEADER = ("paper: approximate", "exact", "change")
 
 
@@ -109,7 +110,8 @@ def draw_teaser(rows: Sequence[Row], path: Path) -> None:
 
 def _tables(rows: Sequence[Row], library: str, *, paper: bool, markdown: bool) -> str:
     parts = []
-    header = (*_HEADER, *_PAPER_HEADER) if paper else _HEADER
+    own = _PATCHED_HEADER if rows[0].trials is None else _HEADER
+    header = (*own, *_PAPER_HEADER) if paper else own
     for (kind, unit, dataset), group in groupby(rows, lambda r: (r.kind, r.unit, r.dataset)):
         found = list(group)
         shown = "" if dataset == "all" else f", {dataset}"
@@ -139,17 +141,16 @@ def _lines(row: Row, *, paper: bool) -> list[list[str]]:
             before, after = theirs[0][i], theirs[1][i]
             line += [f"{before:.2f}", f"{after:.2f}", f"{100 * (after / before - 1):+.2f}"]
         lines.append(line)
-    lines.append([*at, "trials", *(f"{t:,.1f}" for t in row.trials), _more(row.trials)])
+    if row.trials is not None:
+        lines.append([*at, "trials", *(f"{t:,.1f}" for t in row.trials), _more(row.trials)])
     lines.append([*at, "ms", *(f"{1e3 * t:.3f}" for t in row.seconds), _more(row.seconds)])
-    lines.append(
-        [
-            *at,
-            f"{row.n_problems:,} pairs, {row.n_cases:,} subsamples",
-            "",
-            "",
-            f"stopped apart {row.differing:.1f} %, capped {row.capped:.1f} %",
-        ]
+    size = f"{row.n_problems:,} pairs, {row.n_cases:,} subsamples"
+    shares = (
+        ""
+        if row.differing is None
+        else f"stopped apart {row.differing:.1f} %, capped {row.capped:.1f} %"
     )
+    lines.append([*at, size, "", "", shares])
     return lines
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 from ransac_fix.experiments.intervals import Estimate
 from ransac_fix.experiments.synthetic.setup import PaperRow, Setup
+from ransac_fix.experiments.synthetic.speed import Speed
 from ransac_fix.experiments.synthetic.tables import Row, paper_change
 from ransac_fix.report.text_table import markdown_table, text_table
 
@@ -123,6 +124,40 @@ def variants_table(named: Sequence[tuple[str, Sequence[Row]]], *, markdown: bool
     if markdown:
         return markdown_table([title.replace("\n", " ") for title in header], lines)
     return text_table(header, lines)
+
+
+def speed_text(speeds: Sequence[Speed], *, markdown: bool = False) -> str:
+    """Return the speed of each row beside the machine's peak and scikit-image.
+
+    Parameters
+    ----------
+    speeds : sequence of Speed
+        One a row.
+    markdown : bool, default False
+        Whether to return Markdown in place of text.
+    """
+    header = (
+        "row",
+        "million point tests/s",
+        "share of the core's peak",
+        "us an instance",
+        "scikit-image, us an instance",
+        "ratio, median",
+    )
+    rows = []
+    for speed in speeds:
+        row = [
+            f"{speed.setup.shape}, I/n = {speed.setup.inlier_ratio:g}",
+            f"{speed.tests_a_second / 1e6:,.0f}",
+            f"{100 * speed.share_of_peak:.1f} % of {speed.peak_flops / 1e9:.1f} GFLOP/s",
+            f"{1e6 * speed.seconds:,.0f}",
+        ]
+        if speed.peer_seconds is not None and speed.ratio is not None:
+            row += [f"{1e6 * speed.peer_seconds:,.0f}", f"{speed.ratio:,.0f}"]
+        else:
+            row += ["", ""]
+        rows.append(row)
+    return markdown_table(header, rows) if markdown else text_table(header, rows)
 
 
 def _title(rows: Sequence[Row]) -> str:

@@ -246,6 +246,18 @@ def test_the_stereo_pair_runs_from_the_command_line():
     assert "paper" not in text
 
 
+def test_patched_libraries_are_compared_with_bare_ones():
+    args = ["pose", "--patched", "--repeats", "8", "--n", "20", "--kind", "fundamental"]
+    document = json.loads(run(*args, "--output-format", "json"))
+    for row in document["rows"]:
+        assert row["trials"] is row["differing"] is None
+        assert row["seconds"][1] > row["seconds"][0]  # the missing trials take time
+    assert document["rows"][0]["approximate"] != document["rows"][0]["exact"]
+    text = run(*args, "--library", "opencv")
+    assert "bare" in text
+    assert "patched" in text
+
+
 def test_json_follows_the_schema():
     schema = json.loads(files("ransac_fix.report").joinpath("schemas/pose.json").read_text())
     document = json.loads(

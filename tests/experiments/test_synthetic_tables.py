@@ -23,8 +23,14 @@ from ransac_fix.experiments.synthetic import engine
 from ransac_fix.experiments.synthetic.engine import run_setups
 from ransac_fix.experiments.synthetic.runs import run_instances
 from ransac_fix.experiments.synthetic.setup import PAPER, Setup, paper_row
+from ransac_fix.experiments.synthetic.speed import measure_speed
 from ransac_fix.experiments.synthetic.tables import summarise, variants, with_changes
-from ransac_fix.report.synthetic import SyntheticDocument, synthetic_markdown, synthetic_text
+from ransac_fix.report.synthetic import (
+    SyntheticDocument,
+    speed_text,
+    synthetic_markdown,
+    synthetic_text,
+)
 
 LINE = Setup("line", 50, 15)
 SETUPS = [LINE, Setup("line", 50, 25)]
@@ -239,3 +245,15 @@ def test_variants_table_has_a_line_each():
 )
 def test_bad_input_is_one_clear_error(args, message):
     assert message in run("line", "--instances", "10", *args, code=2)
+
+
+def test_speed_counts_what_it_ran():
+    setup = Setup("line", 50, 25)
+    speed = measure_speed(setup, 20, 2)
+    tests = run_instances(setup, 0, 0, 20).tests.sum()
+    assert speed.tests_a_second * speed.seconds * 20 == pytest.approx(tests)
+    assert len(speed.ratios) == 2
+    assert speed.ratio > 1  # a loop in Python
+    assert 0 < speed.share_of_peak < 1
+    assert measure_speed(setup, 2, 0).ratio is None
+    assert "line, I/n = 0.5" in speed_text([speed])

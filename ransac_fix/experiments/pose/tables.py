@@ -3,6 +3,7 @@
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
 
@@ -42,6 +43,10 @@ class Settings:
         Trials after which a run ends in any case.
     seed : int
         Of the subsamples and of the libraries' random streams.
+    patched : callable, optional
+        Returns a context manager in whose block the library is patched at run time. If given,
+        the library under its own rule is compared with the same call in that block, in place of
+        the two rules found from outside.
     """
 
     library: str
@@ -50,6 +55,7 @@ class Settings:
     repeats: int
     cap: int
     seed: int
+    patched: Callable[[], AbstractContextManager[object]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +66,8 @@ class RuleRun:
     ----------
     error : float
         Distance from the truth, infinite where nothing was estimated.
-    trials : int
-        Trials run.
+    trials : int or None
+        Trials run; None where the library does not say.
     seconds : float
         Wall-clock time of the call, the shortest of a few.
     capped : bool
@@ -69,7 +75,7 @@ class RuleRun:
     """
 
     error: float
-    trials: int
+    trials: int | None
     seconds: float
     capped: bool
 
@@ -120,12 +126,11 @@ class Row:
     change : tuple of Interval or None
         Exact relative to approximate, paired by subsample, the subsamples of a pair taken
         together; None where the approximate AUC is 0 or there is one pair with one subsample.
-    trials, seconds : tuple of float
-        Means of the approximate and the exact rule.
-    capped : float
-        Share of the subsamples where a rule was not met within the cap, in percent.
-    differing : float
-        Share of the subsamples where the rules stopped at different trials, in percent.
+    seconds, trials : tuple of float
+        Means of the approximate and the exact rule; of trials None where they are not known.
+    capped, differing : float or None
+        Shares of the subsamples in percent: where a rule was not met within the cap, and where
+        the rules stopped at different trials. None where the trials are not known.
     """
 
     kind: Kind
@@ -138,10 +143,10 @@ class Row:
     approximate: tuple[float, ...]
     exact: tuple[float, ...]
     change: tuple[Interval | None, ...]
-    trials: tuple[float, float]
     seconds: tuple[float, float]
-    capped: float
-    differing: float
+    trials: tuple[float, float] | None
+    capped: float | None
+    differing: float | None
 
 
 PAPER: dict[Kind, dict[tuple[int, float], tuple[tuple[float, ...], tuple[float, ...]]]] = {
@@ -232,6 +237,8 @@ def run_problems(
 def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[Case]:
     """Run both rules at every confidence on one subsample of a problem."""
     cv2.setNumThreads(1)
+    if settings.patched is not None:
+        return _run_patched(problem, n, repeat, settings, settings.patched)
     library = LIBRARIES[settings.library]
     k = library.sample_size[problem.kind]
     subsample = problem.subsample(n, settings.seed, repeat)
@@ -247,13 +254,7 @@ def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[
 
     def timed(stop: Stop) -> RuleRun:
         n_inliers = inliers_after(stop.trials)
-        seconds = float("inf")
-        for _ in range(_TIMINGS):
-            start = time.perf_counter()
-            library.run(subsample, stop.trials, settings.seed)
-            seconds = min(seconds, time.perf_counter() - start)
-            if seconds > _LONG_ENOUGH:
-                break
+        _, seconds = _timed(lambda: library.run(subsample, stop.trials, settings.seed))
         error = problem.truth.error(subsample, after(stop.trials))
         capped = stop.capped or not library.reaches(stop.trials, n_inliers, n, k)
         return RuleRun(error, stop.trials, seconds, capped)
@@ -269,20 +270,65 @@ def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[
         )
         first = timed(approximate)
         second = first if exact == approximate else timed(exact)
-        cases.append(
-            Case(
-                problem.kind,
-                problem.dataset,
-                problem.name,
-                problem.truth.unit,
-                n,
-                repeat,
-                confidence,
-                first,
-                second,
-            )
-        )
+        cases.append(_case(problem, n, repeat, confidence, first, second))
     return cases
+
+
+def _run_patched(
+    problem: Problem,
+    n: int,
+    repeat: int,
+    settings: Settings,
+    patched: Callable[[], AbstractContextManager[object]],
+) -> list[Case]:
+    """Run the bare library under its own rule, and the same calls with the library patched."""
+    library = LIBRARIES[settings.library]
+    subsample = problem.subsample(n, settings.seed, repeat)
+    cases = []
+    for confidence in settings.confidences:
+
+        def call(s: float = confidence) -> Estimate:
+            return library.bare(subsample, s, settings.seed, settings.cap)
+
+        bare, bare_seconds = _timed(call)
+        with patched():
+            exact, exact_seconds = _timed(call)
+        first, second = (
+            RuleRun(problem.truth.error(subsample, estimate), None, seconds, capped=False)
+            for estimate, seconds in ((bare, bare_seconds), (exact, exact_seconds))
+        )
+        cases.append(_case(problem, n, repeat, confidence, first, second))
+    return cases
+
+
+def _timed(call: Callable[[], Estimate]) -> tuple[Estimate, float]:
+    """Return the first result of a call, and its shortest time."""
+    result, seconds = None, float("inf")
+    for _ in range(_TIMINGS):
+        start = time.perf_counter()
+        found = call()
+        seconds = min(seconds, time.perf_counter() - start)
+        result = found if result is None else result
+        if seconds > _LONG_ENOUGH:
+            break
+    assert result is not None
+    return result, seconds
+
+
+def _case(
+    problem: Problem, n: int, repeat: int, confidence: float, first: RuleRun, second: RuleRun
+) -> Case:
+    return Case(
+        problem.kind,
+        problem.dataset,
+        problem.name,
+        problem.truth.unit,
+        n,
+        repeat,
+        confidence,
+        first,
+        second,
+    )
 
 
 def _asked(
@@ -331,7 +377,8 @@ def _row(dataset: str, cases: list[Case]) -> Row:
         before, after = clustered[:, 0, i], clustered[:, 1, i]
         known = before.any() and len(before) > 1
         change.append(relative_change(before, after).times(100) if known else None)
-    trials = np.array([[run.trials for run in pair] for pair in runs], float)
+    known_trials = first.exact.trials is not None
+    trials = np.array([[run.trials or 0 for run in pair] for pair in runs], float)
     seconds = np.array([[run.seconds for run in pair] for pair in runs])
     auc = [[mean(clustered[:, rule, i]).value * 100 for i in range(3)] for rule in range(2)]
     return Row(
@@ -345,11 +392,15 @@ def _row(dataset: str, cases: list[Case]) -> Row:
         approximate=tuple(auc[0]),
         exact=tuple(auc[1]),
         change=tuple(change),
-        trials=(float(trials[:, 0].mean()), float(trials[:, 1].mean())),
+        trials=(float(trials[:, 0].mean()), float(trials[:, 1].mean())) if known_trials else None,
         seconds=(float(seconds[:, 0].mean()), float(seconds[:, 1].mean())),
-        capped=100 * float(np.mean([a.capped or e.capped for a, e in runs])),
-        differing=100 * float(np.mean(trials[:, 0] != trials[:, 1])),
+        capped=_percent([a.capped or e.capped for a, e in runs]) if known_trials else None,
+        differing=_percent(trials[:, 0] != trials[:, 1]) if known_trials else None,
     )
+
+
+def _percent(flags: Iterable[bool]) -> float:
+    return 100 * mean(np.array([float(flag) for flag in flags])).value
 
 
 def _gains(error: float) -> list[float]:

@@ -163,8 +163,8 @@ def ellipse_axes(ellipse: FloatArray, axes: FloatArray) -> None:
 def distance_to_ellipse(a: float, b: float, u: float, v: float) -> float:
     """Return the distance of the point (u, v) to the ellipse with semi-axes a >= b on the axes.
 
-    Bisection on the normal's parameter (Eberly, "Distance from a point to an ellipse"), which
-    cannot fail; it ends when the bracket can shrink no more.
+    Newton's method for the parameter of the normal through the point (Eberly, "Distance from a
+    point to an ellipse"), from the side where it converges without overshooting.
     """
     u, v = abs(u), abs(v)
     if v <= _ON_AXIS * b:  # the foot is off the axis inside the evolute, at the vertex outside
@@ -176,25 +176,18 @@ def distance_to_ellipse(a: float, b: float, u: float, v: float) -> float:
     ratio = (a / b) * (a / b)
     offset = (a - b) * (a + b) / (b * b)
     z0, z1 = u / a, v / b
-    inside = z0 * z0 + z1 * z1 - 1.0
-    if inside == 0.0:
+    if z0 * z0 + z1 * z1 == 1.0:
         return 0.0
     n0 = ratio * z0
-    low = z1
-    high = 1.0 if inside < 0.0 else math.hypot(n0, z1)
-    s = low
+    # g falls and is convex, so from where it is not negative Newton's steps never go too far.
+    s = max(z1, n0 - offset)
     for _ in range(_DISTANCE_STEPS):
-        s = 0.5 * (low + high)
-        if s in (low, high):
-            break
         first, second = n0 / (s + offset), z1 / s
         g = first * first + second * second - 1.0
-        if g > 0.0:
-            low = s
-        elif g < 0.0:
-            high = s
-        else:
+        step = 0.5 * g / (first * first / (s + offset) + second * second / s)
+        if not s + step > s:
             break
+        s += step
     return math.hypot(ratio * u / (s + offset) - u, v / s - v)
 
 
