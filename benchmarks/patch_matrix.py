@@ -20,6 +20,7 @@ code 1.
 """
 
 import argparse
+import functools
 import json
 import math
 import os
@@ -116,7 +117,7 @@ def check(system: str) -> dict[str, Any]:
     adapter = {"scikit-image": _ScikitImage, "scikit-learn": _ScikitLearn, "kornia": _Kornia}
     try:
         library = adapter[system]()
-    except Exception as error:  # the release cannot be used here at all
+    except Exception as error:  # noqa: BLE001 -- the release cannot be used here at all
         return {"state": "cannot be imported", "reason": f"{type(error).__name__}: {error}"}
     after = _state(system)
     result: dict[str, Any] = {
@@ -335,8 +336,8 @@ def interpreter(version: str) -> str:
     return found
 
 
-def build_wheel(cache: Path) -> Path:
-    folder = cache / "dist"
+def build_wheel(folder: Path) -> Path:
+    folder = folder / "dist"
     shutil.rmtree(folder, ignore_errors=True)
     _pip("wheel", "--no-deps", "--no-build-isolation", "-w", str(folder), str(ROOT))
     return next(folder.glob("*.whl"))
@@ -351,6 +352,7 @@ def environment(cache: Path, version: str, name: str) -> Path:
     return python
 
 
+@functools.cache
 def base(cache: Path, version: str, name: str, wheel: Path) -> Path:
     """Return the site-packages of the shared dependencies, with ransac-fix."""
     python = environment(cache, version, f"base-{name}")
@@ -462,12 +464,14 @@ def markdown(report: dict[str, Any]) -> str:
         "# The patches, release by release",
         "",
         f"Made on {report['date']} by `python benchmarks/patch_matrix.py` on {report['platform']}.",
-        "Each release ran in an environment of its own, with its dependencies shared and torch"
-        " taken from the environment at hand. Columns: what `ransac_fix.status()` says after the"
-        " import; rule values that differ from an oracle of fractions and 60-digit decimals;"
-        " trials counted in real runs on planted problems (s = 0.99), bare, patched and with the"
-        " drop-in, beside the exact number; the library's own tests of its RANSAC, where its wheel"
-        " has them, that fail under the patch and do not fail without it.",
+        (
+            "Each release ran in an environment of its own, with its dependencies shared and torch"
+            " taken from the environment at hand. Columns: what `ransac_fix.status()` says after the"
+            " import; rule values that differ from an oracle of fractions and 60-digit decimals;"
+            " trials counted in real runs on planted problems (s = 0.99), bare, patched and with the"
+            " drop-in, beside the exact number; the library's own tests of its RANSAC, where its wheel"
+            " has them, that fail under the patch and do not fail without it."
+        ),
         "",
     ]
     for system, releases in report["systems"].items():
@@ -477,8 +481,7 @@ def markdown(report: dict[str, Any]) -> str:
             "",
             f"Planted problems (n, I, k): {problems}.",
             "",
-            "| release | Python | state | wrong / rule values | bare | patched | drop-in | exact |"
-            " own tests that fail under the patch alone |",
+            "| release | Python | state | wrong | bare | patched | drop-in | exact | tests |",
             "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         ]
         for release, row in releases.items():

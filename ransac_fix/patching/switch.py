@@ -34,11 +34,13 @@ class Switch:
         Blocks in force for the whole process, and for single threads or tasks.
     everywhere : bool
         ``asked or process_scopes > 0``, kept ready for the stand-ins.
+    innermost : callable
+        Returns the scope last entered in this thread or task, in force or not.
 
     Everything but `active` and `leave_here` is called under the engine's lock.
     """
 
-    __slots__ = ("_here", "asked", "everywhere", "process_scopes", "scopes")
+    __slots__ = ("_here", "asked", "everywhere", "innermost", "process_scopes", "scopes")
 
     def __init__(self, system: str) -> None:
         self.asked = False
@@ -46,6 +48,7 @@ class Switch:
         self.scopes = 0
         self.everywhere = False
         self._here: ContextVar[Scope | None] = ContextVar(f"ransac_fix {system}", default=None)
+        self.innermost: Callable[[], Scope | None] = self._here.get
 
     @property
     def in_use(self) -> bool:
@@ -106,11 +109,12 @@ def stand_in(
     original: Callable[..., Any], exact: Callable[..., Any], switch: Switch
 ) -> Callable[..., Any]:
     """Return a function in the likeness of `original` that calls `exact` while the switch is on."""
-    active_here = switch.active_here
+    # Most calls are made where no block was ever entered: one look at the context variable.
+    innermost, active_here = switch.innermost, switch.active_here
 
     @functools.wraps(original)
     def call(*args: Any, **kwargs: Any) -> Any:
-        if switch.everywhere or active_here():
+        if switch.everywhere or (innermost() is not None and active_here()):
             return exact(*args, **kwargs)
         return original(*args, **kwargs)
 
