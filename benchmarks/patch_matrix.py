@@ -79,6 +79,14 @@ UPSTREAM_TESTS = {
     "scikit-learn": "sklearn.linear_model.tests.test_ransac",
 }
 
+_COLUMNS = """\
+Each release ran in an environment of its own, with its dependencies shared and torch taken from
+the environment at hand. *State* is what `ransac_fix.status()` says after the import. *Wrong*
+counts rule values that differ from an oracle of fractions and 60-digit decimals. *Bare*,
+*patched* and *drop-in* are trials counted in real runs on planted problems (s = 0.99), beside the
+*exact* number. *Tests* names the library's own tests of its RANSAC that fail under the patch and
+not without it, where its wheel has them."""
+
 # (n, I, k): N_a and N_e differ, and the exact one is soon run.
 PLANTED = {
     "scikit-image": [(20, 6, 2), (30, 9, 2), (25, 12, 2)],
@@ -464,14 +472,7 @@ def markdown(report: dict[str, Any]) -> str:
         "# The patches, release by release",
         "",
         f"Made on {report['date']} by `python benchmarks/patch_matrix.py` on {report['platform']}.",
-        (
-            "Each release ran in an environment of its own, with its dependencies shared and torch"
-            " taken from the environment at hand. Columns: what `ransac_fix.status()` says after the"
-            " import; rule values that differ from an oracle of fractions and 60-digit decimals;"
-            " trials counted in real runs on planted problems (s = 0.99), bare, patched and with the"
-            " drop-in, beside the exact number; the library's own tests of its RANSAC, where its wheel"
-            " has them, that fail under the patch and do not fail without it."
-        ),
+        _COLUMNS,
         "",
     ]
     for system, releases in report["systems"].items():
