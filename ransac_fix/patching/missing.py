@@ -214,15 +214,15 @@ def fresh_seed(seed: int, round_: int) -> int:
     return (seed * 6364136223846793005 + round_ * 1442695040888963407 >> 16) & 0x7FFFFFFF
 
 
-def own_function(module: ModuleType, name: str) -> Callable[..., Any] | None:
+def own_function(holder: ModuleType | type, name: str) -> Callable[..., Any] | None:
     """Return a function of an imported library, without the stand-in that may be in its place.
 
     Parameters
     ----------
-    module : module
-        The library.
+    holder : module or class
+        Where the library keeps it.
     name : str
-        Its function.
+        Its name.
 
     Returns
     -------
@@ -230,7 +230,7 @@ def own_function(module: ModuleType, name: str) -> Callable[..., Any] | None:
         None where there is none of that name. What other code has put in its place is kept:
         the exact function calls it as the library's own.
     """
-    function = getattr(module, name, None)
+    function = getattr(holder, name, None)
     while getattr(function, "__ransac_fix__", False):
         function = getattr(function, "__wrapped__", None)
     return function if callable(function) else None
