@@ -25,6 +25,7 @@ import json
 import math
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -448,7 +449,27 @@ def own_tests(python: Path, cache: Path, module: str) -> dict[str, Any] | None:
                 line.split("::")[-1].split(" ")[0] for line in lines if line.startswith("FAILED")
             ),
         }
+    outcome["approximate assertions"] = approximate_assertions(python, module)
     return outcome
+
+
+def approximate_assertions(python: Path, module: str) -> list[dict[str, Any]]:
+    """Return what a test file asserts of the rule that is not the exact number."""
+    path = _site_packages(python).joinpath(*module.split(".")).with_suffix(".py")
+    number = r"(\d+(?:\.\d+)?)"
+    call = rf"_dynamic_max_trials\({number}, {number}, {number}, {number}\)(?:,| ==) {number}\b"
+    found = []
+    for match in re.finditer(call, path.read_text(encoding="utf-8")):
+        n_inliers, n, size = map(int, match.groups()[:3])
+        confidence, asserted = float(match[4]), int(match[5])
+        if n_inliers < size or confidence == 0:
+            continue
+        # Both libraries take certainty for the largest confidence their floats can tell from it.
+        exact = oracle(n_inliers, n, size, min(confidence, 1 - 2**-52))
+        if exact != asserted:
+            counts = [n_inliers, n, size, confidence]
+            found.append({"counts": counts, "asserted": asserted, "exact": exact})
+    return found
 
 
 def is_good(result: dict[str, Any], expected: str) -> bool:
@@ -505,6 +526,7 @@ def markdown(report: dict[str, Any]) -> str:
                 f"| {release} | {row['python']} | {state} | {rule['n_wrong']} / {rule['cases']} |"
                 f" {' | '.join(cells)} | {tests} |"
             )
+        lines += ["", *_assertions(releases)]
         notes = {
             row["result"]["reason"]: release
             for release, row in releases.items()
@@ -512,6 +534,23 @@ def markdown(report: dict[str, Any]) -> str:
         }
         lines += [""] + [f"{release}: {reason}." for reason, release in notes.items()] + [""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _assertions(releases: dict[str, Any]) -> list[str]:
+    """Return a table of what the libraries' own tests assert of the approximate rule."""
+    asserted: dict[tuple[float, ...], tuple[int, int]] = {}
+    for row in releases.values():
+        for entry in (row["result"].get("own tests") or {}).get("approximate assertions", ()):
+            asserted[tuple(entry["counts"])] = entry["asserted"], entry["exact"]
+    if not asserted:
+        return []
+    return [
+        "What `test_ransac_dynamic_max_trials` asserts that the exact rule does not give:",
+        "",
+        "| I, n, k, s | asserted | exact |",
+        "| --- | --- | --- |",
+        *(f"| {', '.join(map(str, k))} | {a} | {e} |" for k, (a, e) in asserted.items()),
+    ]
 
 
 def _clean() -> dict[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 # What would keep the started interpreter from reading PYTHONPATH or sitecustomize.
-_SHUT_OUT = {"-I", "-E", "-S", "-s"}
+_SHUT_OUT = {"-I", "-E", "-S"}
 
 
 @click.command(

@@ -14,7 +14,7 @@ sys.path[:] = [entry for entry in sys.path if os.path.abspath(entry or ".") != _
 del sys.modules[__name__]
 try:
     try:
-        import sitecustomize  # noqa: F401
+        __import__("sitecustomize")  # by name: it may well not exist
     except ImportError as error:
         if getattr(error, "name", "sitecustomize") != "sitecustomize":
             raise
