@@ -15,6 +15,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,21 @@ from sklearn.linear_model import RANSACRegressor
 
 from ransac_fix.patches.scikit_image import ransac as exact_ransac
 from ransac_fix.patches.scikit_learn import RANSACRegressor as ExactRegressor
+
+_HEAD = """\
+# What exactness costs where there is no model
+
+Made on {date} by `python benchmarks/no_model.py`: scikit-image's `ransac` and scikit-learn's
+`RANSACRegressor` on pure noise at s = 0.99, bare and with the exact drop-ins, without a finite cap
+on trials and with one.
+
+- *I* is the largest support the bare run found, *bare* and *exact* are trials counted. *Limit* is
+  k**k / k!, which the ratio of the two bounds cannot exceed where I >= k.
+- Where there are fewer inliers than a sample holds (the last row of each library), no number of
+  trials is enough: without a cap the library's own bound stands, and with one the cap decides.
+- Runs were stopped after {seconds:g} seconds: there the library's own bound is out of reach too.
+
+"""
 
 
 class OutOfTimeError(Exception):
@@ -126,7 +142,9 @@ def main() -> None:
             )
             print(lines[-1], flush=True)
     if options.output:
-        options.output.write_text("\n".join(lines) + "\n")
+        today = datetime.now(UTC).date().isoformat()
+        head = _HEAD.format(date=today, seconds=options.seconds)
+        options.output.write_text(head + "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ from importlib.metadata import version as distribution_version
 from types import ModuleType, TracebackType
 from typing import Self
 
-from packaging.requirements import InvalidRequirement, Requirement
+from packaging.requirements import Requirement
+from packaging.version import InvalidVersion
 
 from ransac_fix.errors import PatchNotApplicable, RansacFixError, RansacFixWarning
 from ransac_fix.patching import finder, missing, plugins, registry, startup
@@ -138,13 +139,13 @@ class _System:
     def is_checked(self, version: str | None) -> bool:
         if version is None:
             return False
-        for text in self.patch.requirements:
-            try:
-                if Requirement(text).specifier.contains(version, prereleases=True):
-                    return True
-            except InvalidRequirement:
-                continue
-        return False
+        try:
+            return any(
+                Requirement(text).specifier.contains(version, prereleases=True)
+                for text in self.patch.requirements
+            )
+        except InvalidVersion:  # a build of one's own
+            return False
 
     def status(self) -> SystemStatus:
         switch = self.switch

@@ -6,6 +6,8 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 
+from packaging.requirements import Requirement
+
 from ransac_fix.errors import RansacFixError
 from ransac_fix.patching.interface import LibraryPatch
 
@@ -67,12 +69,7 @@ def resolve(name: str) -> str:
 
 def distributions(patch: LibraryPatch) -> tuple[str, ...]:
     """Return the distribution names in the requirements of a patch."""
-    names = []
-    for requirement in patch.requirements:
-        found = re.match(r"\s*[A-Za-z0-9][\w.-]*", requirement)
-        if found:
-            names.append(found.group().strip())
-    return tuple(names)
+    return tuple(dict.fromkeys(Requirement(text).name for text in patch.requirements))
 
 
 def imports(patch: LibraryPatch) -> tuple[str, ...]:
@@ -107,8 +104,13 @@ def _load(point: EntryPoint) -> LibraryPatch:
     patch = getattr(value, "PATCH", None) if isinstance(value, ModuleType) else value
     if not isinstance(patch, LibraryPatch):
         raise TypeError("it has no LibraryPatch named PATCH")
-    if not isinstance(patch.system, str) or not patch.modules:
-        raise TypeError("its LibraryPatch names no system or no modules")
+    if not patch.system or not patch.modules or not patch.requirements:
+        raise ValueError("its LibraryPatch lacks a system, a module or a requirement")
+    for module in patch.modules:
+        if not all(part.isidentifier() for part in module.split(".")):
+            raise ValueError(f"{module!r} is not the name of a module")
+    for requirement in patch.requirements:
+        Requirement(requirement)
     return patch
 
 

@@ -74,7 +74,7 @@ def remove(system: str, *, copies: bool) -> None:
             _put(place, place.replaced, place.original, copies=copies)
         elif current is not place.original and not place.installed:
             # The library was reloaded, or someone else's function is there.
-            del _PLACES[id(place.holder), place.name]
+            _PLACES.pop((id(place.holder), place.name), None)
 
 
 def places(system: str) -> tuple[Place, ...]:

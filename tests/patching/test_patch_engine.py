@@ -310,7 +310,9 @@ def test_already_exact_is_a_status(make_library: MakeLibrary) -> None:
     assert library.robust()._trials is original
 
 
-@pytest.mark.parametrize(("version", "checked"), [("2.1", True), ("3.0", False), ("2.5rc1", True)])
+@pytest.mark.parametrize(
+    ("version", "checked"), [("2.1", True), ("3.0", False), ("2.5rc1", True), ("my own", False)]
+)
 def test_a_release_outside_the_declared_range_is_patched_when_it_fits(
     make_library: MakeLibrary, version: str, checked: bool
 ) -> None:
@@ -345,6 +347,9 @@ BROKEN = {
     "does not import": ("raise OSError('disk on fire')", "OSError: disk on fire"),
     "has no patch": ("PATCH = 3", "no LibraryPatch named PATCH"),
     "does not parse": ("def (", "SyntaxError"),
+    "has a bad requirement": (PATCH.replace(">=2,<3", " what"), "InvalidRequirement"),
+    "has a bad module": (PATCH.replace("{name}.robust", "../robust"), "not the name of a module"),
+    "has no module": (PATCH.replace('("{name}.robust",)', "()"), "lacks a system, a module or"),
     "leaves the program": ("raise SystemExit(3)", "SystemExit: 3"),
 }
 
