@@ -6,10 +6,11 @@ An audit that cannot name these cannot be trusted on a library, and gives no ver
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
-from ransac_fix.audit.laws import Candidate, Fit, formula
-from ransac_fix.audit.model import Assumed, Drawn, SamplerLaw
+from ransac_fix.audit.laws import Candidate, formula
+from ransac_fix.audit.measure import Measurement
+from ransac_fix.audit.model import DEFECTS, Assumed, Drawn
 
 _ROUNDINGS: dict[str, tuple[float, Callable[[float], int]]] = {
     "floor": (0.0, math.floor),
@@ -17,6 +18,14 @@ _ROUNDINGS: dict[str, tuple[float, Callable[[float], int]]] = {
     "ceil": (1.0, math.ceil),
     "ceil + 0.5": (1.5, lambda x: math.ceil(x + 0.5)),
 }
+
+Quirk: TypeAlias = Literal[
+    "first model", "confidence ignored", "no rule", "overflow", "filter", "score"
+]
+# With these no law is to be found.
+_NAMED_ALONE = ("first model", "confidence ignored", "no rule", "score")
+# P below which the control with the overflow ends at once, as single precision would.
+_VANISHING = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +60,10 @@ class KnownLaw:
         I computed from a ratio and truncated.
     counted : bool
         Whether the run reports its trials.
+    quirk : str or None
+        What the program does besides: a defect that must be named, ``"filter"`` for a sampler
+        that redraws odd samples without counting a trial, ``"score"`` for a rule that takes a
+        score for the number of inliers.
     """
 
     name: str
@@ -66,6 +79,7 @@ class KnownLaw:
     tested: Literal["every trial", "on improvement"] = "every trial"
     truncated: bool = False
     counted: bool = False
+    quirk: Quirk | None = None
 
     @property
     def candidate(self) -> Candidate:
@@ -82,14 +96,27 @@ class KnownLaw:
     @property
     def formula(self) -> str:
         """Its rule, as a report writes it."""
+        if self.quirk in _NAMED_ALONE:
+            return self.quirk or ""
         return formula(self.candidate, self.multiplier, (self.phi, self.phi))
 
     def required_trials(
         self, n_inliers: int, n_samples: int, sample_size: int, confidence: float
     ) -> int | float:
         """Apply the rule: the `stopping_rule` of the reference."""
-        del sample_size
         probability = self.candidate.probability(n_inliers, n_samples)
+        match self.quirk:
+            case "score":
+                # As a truncated squared error would score inliers that are not perfect.
+                probability = self.candidate.probability(n_inliers, n_samples) ** 1.37
+            case "no rule":
+                return math.inf
+            case "first model" if n_inliers <= sample_size:
+                return 1
+            case "confidence ignored":
+                confidence = 0.99
+            case "overflow" if probability < _VANISHING:
+                return 1
         if probability <= 0:
             return math.inf
         if probability >= 1:
@@ -97,9 +124,15 @@ class KnownLaw:
         x = self.multiplier * math.log1p(-confidence) / math.log1p(-probability)
         return _ROUNDINGS[self.rounding][1](x) + self.offset
 
-    def recognised(self, found: Fit, sampler: SamplerLaw) -> bool:
-        """Whether a measurement names this law, up to its class."""
-        law = found.law
+    def recognised(self, measured: Measurement) -> bool:
+        """Whether a measurement names this law, up to its class, and its quirk."""
+        law, sampler = measured.fit.law, measured.sampler
+        if (sampler.drawn, sampler.sample_size) != (self.drawn, self.sample_size):
+            return False
+        if measured.defects != ((self.quirk,) if self.quirk in DEFECTS else ()):
+            return False
+        if self.quirk in _NAMED_ALONE:
+            return law is None and not measured.fit.rivals
         return (
             law is not None
             and (law.assumed, law.sample_size) == (self.assumed, self.candidate.sample_size)
@@ -107,7 +140,6 @@ class KnownLaw:
             and law.multiplier == self.multiplier
             and law.phi == (self.phi, self.phi)
             and law.tested == self.tested
-            and (sampler.drawn, sampler.sample_size) == (self.drawn, self.sample_size)
         )
 
 
@@ -122,4 +154,34 @@ CONTROLS = (
     KnownLaw("wrong exponent", "approximate", "affine", 3, exponent=2, rounding="floor"),
     KnownLaw("exact, counted", "distinct", counted=True),
     KnownLaw("tested on improvement", "approximate", tested="on improvement"),
+)
+
+# All laws known, for the benchmark that measures how often one is mistaken.
+ZOO = (
+    *CONTROLS,
+    KnownLaw("approximate, down", "approximate", "affine", 3, rounding="floor"),
+    KnownLaw("approximate, up", "approximate", "affine", 3),
+    KnownLaw("approximate, up from a half", "approximate", "affine", 3, rounding="ceil + 0.5"),
+    KnownLaw("exact, down", "distinct", "affine", 3, rounding="floor"),
+    KnownLaw("exact, nearest", "distinct", rounding="nearest"),
+    KnownLaw("exact, homography", "distinct", "homography", 4),
+    KnownLaw("approximate, homography", "approximate", "homography", 4),
+    KnownLaw("exact in I-1", "distinct", "affine", 3, inlier_offset=-1),
+    KnownLaw("I truncated", "distinct", "affine", 3, truncated=True),
+    KnownLaw("exponent one too large", "approximate", "affine", 3, exponent=4),
+    KnownLaw("one and a half times", "approximate", "affine", 3, multiplier=1.5),
+    KnownLaw("twice", "distinct", "affine", 3, multiplier=2),
+    KnownLaw("one trial short", "distinct", "affine", 3, offset=-1),
+    KnownLaw("one trial more", "distinct", "affine", 3, offset=1),
+    KnownLaw("two trials more", "approximate", "affine", 3, offset=2),
+    KnownLaw("replacement sampler, approximate", "approximate", "affine", 3, drawn="replacement"),
+    KnownLaw("replacement sampler, exact", "distinct", "affine", 3, drawn="replacement"),
+    KnownLaw("filter that counts no trials", "distinct", "affine", 3, quirk="filter"),
+    KnownLaw("score for a count", "distinct", "affine", 3, quirk="score"),
+    KnownLaw("exact, tested on improvement", "distinct", "affine", 3, tested="on improvement"),
+    KnownLaw("stops for I <= k", "distinct", "affine", 3, quirk="first model"),
+    KnownLaw("confidence ignored", "approximate", "affine", 3, quirk="confidence ignored"),
+    KnownLaw("no rule", "distinct", quirk="no rule"),
+    KnownLaw("overflow to one trial", "approximate", "affine", 3, quirk="overflow"),
+    KnownLaw("approximate, counted", "approximate", "affine", 3, counted=True),
 )

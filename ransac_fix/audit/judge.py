@@ -4,24 +4,43 @@ from collections.abc import Sequence
 
 from ransac_fix.audit.defaults import rule_trials, standard_problems
 from ransac_fix.audit.laws import Fit, assumption, law_probability
-from ransac_fix.audit.model import AtDefaults, Judgement, Point, SamplerLaw, StoppingLaw
+from ransac_fix.audit.measure import Measurement
+from ransac_fix.audit.model import (
+    DEFECTS,
+    AtDefaults,
+    Judgement,
+    Point,
+    SamplerLaw,
+    StoppingLaw,
+)
 from ransac_fix.criterion import all_inlier_probability, required_trials, success_probability
 
 _EQUAL = 1e-9
 
 
-def judge(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tuple[Judgement, str]:
-    """Return the verdict and its reason.
+def judge(measured: Measurement) -> tuple[Judgement, str]:
+    """Return the verdict on one entry point and its reason.
 
     Parameters
     ----------
-    found : Fit
-        Result of fitting the points.
-    sampler : SamplerLaw
-        The law of the draws.
-    points : sequence of Point
+    measured : Measurement
         The evidence.
     """
+    defects = "; ".join(f"it {DEFECTS[defect]}" for defect in measured.defects)
+    if defects and measured.fit.law is None:
+        return "other rule", defects
+    if not measured.points:
+        seen = "; ".join(f"{why} ({times} streams)" for why, times in measured.discarded.items())
+        return "not measured", f"no stream showed the rule: {seen}"
+    verdict, reason = _judge_laws(measured.fit, measured.sampler, measured.points)
+    if defects:
+        reason = f"{reason}; {defects}"
+        verdict = "other rule" if verdict == "exact" else verdict
+    return verdict, reason
+
+
+def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tuple[Judgement, str]:
+    """Compare the law of the rule with the law of the sampler."""
     if sampler.drawn == "undecided":
         return "not measured", (
             f"the sampler could not be told from {sampler.runs} runs "

@@ -4,14 +4,30 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from ransac_fix.audit import laws, plan, sampling
-from ransac_fix.audit.model import Point, SamplerLaw
+from ransac_fix.audit.model import Defect, Point, SamplerLaw
+from ransac_fix.audit.worker import streams
+from ransac_fix.criterion import all_inlier_probability
 
 # Runs that look at the sampler: at first, and at most. They double until they suffice.
 _FIRST_HELPING = 40
 _MOST_LOOKS = 2_560
+_FEWEST_POINTS = 4
 _ENOUGH_POINTS = 6
 _STREAMS = 40
 SEED = 20_250_000
+
+# Runs that look for a defect.
+_LOOKS = 40
+# Measurements on which P^k of a minimal sample leaves the range of a careless program, a share
+# of inliers that one sample in twenty meets, trials enough to meet it, and runs.
+_MANY = 1500
+_SELDOM = 0.05
+_MANY_TRIALS = 120
+_MANY_RUNS = 3
+# Large groups, of nearly one size: a rule that ends a run at a confidence of its own misses the
+# larger now and then.
+_LARGE = (45, 22)
+_LARGE_RUNS = 400
 
 
 class Asked(Protocol):
@@ -37,6 +53,8 @@ class Measurement:
         Library runs spent.
     discarded : dict
         Why streams were thrown away, and how many.
+    defects : tuple of str
+        What the program does besides its law, or in place of one.
     """
 
     sampler: SamplerLaw
@@ -44,6 +62,7 @@ class Measurement:
     fit: laws.Fit
     runs: int
     discarded: dict[str, int]
+    defects: tuple[Defect, ...] = ()
 
 
 def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
@@ -92,7 +111,13 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
             break
     if fit.law is not None:
         points = [replace(point, sample_size=fit.law.sample_size) for point in points]
-    return Measurement(sampler, tuple(points), fit, runs, discarded)
+    defects, more = _defects(host, one, points, discarded, seed)
+    runs += more
+    if "first model" in defects:
+        # More than one trial was never had.
+        sampler, more = _sampler_law(host, one, seed, once=True)
+        runs += more
+    return Measurement(sampler, tuple(points), fit, runs, discarded, defects)
 
 
 def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[str, Any]:
@@ -123,7 +148,9 @@ def _point(raw: dict[str, Any], sample_size: int) -> Point:
     )
 
 
-def _sampler_law(host: Asked, one: dict[str, Any], seed: int) -> tuple[SamplerLaw, int]:
+def _sampler_law(
+    host: Asked, one: dict[str, Any], seed: int, *, once: bool = False
+) -> tuple[SamplerLaw, int]:
     hits: list[sampling.Hit] = []
     k = one["sample_size"]
     looks = _FIRST_HELPING
@@ -131,6 +158,8 @@ def _sampler_law(host: Asked, one: dict[str, Any], seed: int) -> tuple[SamplerLa
         cases = plan.hit_cases(
             k, one["seeded"], looks, spare=one["spare"], fewest=one["fewest_samples"]
         )[len(hits) :]
+        if once:
+            cases = [replace(case, trials=1) for case in cases]
         answer = host.ask(
             "hits",
             entry_point=one["name"],
@@ -144,3 +173,64 @@ def _sampler_law(host: Asked, one: dict[str, Any], seed: int) -> tuple[SamplerLa
         if law.drawn != "undecided" or looks >= _MOST_LOOKS:
             return law, looks
         looks *= 2
+
+
+def _defects(
+    host: Asked,
+    one: dict[str, Any],
+    points: list[Point],
+    discarded: dict[str, int],
+    seed: int,
+) -> tuple[tuple[Defect, ...], int]:
+    """Look for what a law through the points does not show, or why there are no points."""
+    k, looks = one["sample_size"], _Looks(host, one["name"], seed + 20_000)
+    if len(points) >= _FEWEST_POINTS:
+        # Any rule but a broken one finds this group among many measurements.
+        case = [_MANY, round(_MANY * _SELDOM ** (1 / k)), _MANY_TRIALS, "anything"]
+        overflows = looks.hits([case] * _MANY_RUNS) < _MANY_RUNS and (
+            looks.hits([case] * 4 * _MANY_RUNS) <= 2 * _MANY_RUNS
+        )
+        return (("overflow",) if overflows else ()), looks.runs
+    if discarded.get(streams.NEVER_STOPS, 0) >= _ENOUGH_POINTS:
+        n, size = _LARGE
+        trials = round(14 / all_inlier_probability(size, n, k))
+        found = looks.larger(n, size, trials, _LARGE_RUNS)
+        return ("no rule" if found == _LARGE_RUNS else "confidence ignored",), looks.runs
+    # How often a group is found must grow with the trials.
+    n = max(one["fewest_samples"], k + 4)
+    size = n - 2
+    trials = round(20 / all_inlier_probability(size, n, k))
+    at_once = looks.hits([[n, size, 1, "anything"]] * _LOOKS)
+    in_the_end = looks.hits([[n, size, trials, "anything"]] * _LOOKS)
+    ended = 0 < in_the_end < at_once + _LOOKS // 4 and at_once < _LOOKS * 3 // 4
+    return (("first model",) if ended else ()), looks.runs
+
+
+class _Looks:
+    """Counts finds, and the runs that they took."""
+
+    def __init__(self, host: Asked, name: str, seed: int) -> None:
+        self._host, self._name, self._seed = host, name, seed
+        self.runs = 0
+
+    def hits(self, cases: list[list[Any]]) -> int:
+        """Return how many runs found the one group planted."""
+        answer = self._host.ask(
+            "hits", entry_point=self._name, cases=cases, seed=self._seed + self.runs
+        )
+        self.runs += answer["runs"]
+        return sum(hit[-1] for hit in answer["hits"])
+
+    def larger(self, n: int, size: int, trials: int, runs: int) -> int:
+        """Return how many runs found the larger of two groups at the highest confidence."""
+        answer = self._host.ask(
+            "larger",
+            entry_point=self._name,
+            n_samples=n,
+            group_size=size,
+            trials=trials,
+            streams=runs,
+            seed=self._seed + self.runs,
+        )
+        self.runs += answer["runs"]
+        return int(answer["found"])

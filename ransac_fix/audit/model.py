@@ -12,6 +12,16 @@ Assumed: TypeAlias = Literal["approximate", "distinct", "replacement", "unknown"
 
 Drawn: TypeAlias = Literal["distinct", "replacement", "not uniform", "undecided"]
 
+Defect: TypeAlias = Literal["first model", "confidence ignored", "no rule", "overflow"]
+"""What a program does besides its law, or in place of one; see `DEFECTS`."""
+
+DEFECTS: dict[Defect, str] = {
+    "first model": "ends with its first model, whatever the confidence",
+    "confidence ignored": "takes a confidence that has no effect",
+    "no rule": "has no stopping rule: it always uses its budget",
+    "overflow": "ends with its first sample on many measurements, where P is tiny",
+}
+
 Binding: TypeAlias = Literal["rule", "minimum", "maximum"]
 
 
@@ -203,6 +213,8 @@ class Verdict:
         The measurement; None where there is none.
     points : tuple of Point
         The evidence.
+    defects : tuple of str
+        What was seen besides the law.
     runs : int
         Library runs spent.
     seconds : float
@@ -219,6 +231,7 @@ class Verdict:
     stopping_law: StoppingLaw | None = None
     at_defaults: AtDefaults | None = None
     points: tuple[Point, ...] = ()
+    defects: tuple[Defect, ...] = ()
     runs: int = 0
     seconds: float = 0.0
 

@@ -2,7 +2,9 @@
 
 import os
 import sys
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -32,6 +34,8 @@ _CONTROL_PROBE = Path(__file__).parent / "control_probe.py"
 # A default cap up to this many trials is checked by running into it.
 _CHECKED_TRIALS = 5_000
 _CHECK_STREAMS = 12
+# Entry points waiting, from which on a second worker for a system is worth its start.
+_WORTH_HELPING = 3
 _CHECK_SECONDS = 1.0
 
 
@@ -54,6 +58,8 @@ class Options:
         The systems that `prepare` is called for; the others are measured as they are.
     problems : tuple of (n, I, s)
         Where to state guarantees besides the standard problems; s None for the default.
+    quick : bool
+        Measure one entry point of each system only, the one users call most.
     """
 
     systems: tuple[str, ...]
@@ -62,6 +68,7 @@ class Options:
     prepare: str | None = None
     preparable: frozenset[str] = frozenset()
     problems: tuple[tuple[int, int, float | None], ...] = ()
+    quick: bool = False
 
 
 def audit(options: Options, progress: Callable[[str], object] = lambda _: None) -> Report:
@@ -72,7 +79,7 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
     options : Options
         What to do.
     progress : callable, optional
-        Called with the name of each system once it is done, from several threads.
+        Called with the name of each entry point once it is done, from several threads.
 
     Returns
     -------
@@ -85,25 +92,22 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
         If a name is unknown or its system has no probe.
     """
     started = time.monotonic()
-    probes = _chosen(options.systems)
+    crew = _Crew(_chosen(options.systems), options, progress)
     with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
         controls_running = pool.submit(measure_controls, options)
-        running = {
-            name: pool.submit(_audit_system, name, file, options)
-            for name, file in sorted(probes.items(), key=lambda item: _slowest_first(item[0]))
-        }
-        verdicts: list[Verdict] = []
-        missing: list[str] = []
-        for name in probes:
-            result = running[name].result()
-            progress(name)
-            if result is None and options.systems:
-                result = [Verdict(name, "-", None, "not measured", "not installed")]
-            if result is None:
-                missing.append(name)
-            else:
-                verdicts += result
+        members = [pool.submit(crew.work) for _ in range(max(2, os.cpu_count() or 1))]
+        for member in members:
+            member.result()
         controls = controls_running.result()
+    verdicts: list[Verdict] = []
+    missing: list[str] = []
+    for job in crew.jobs:
+        if job.installed:
+            verdicts += job.verdicts()
+        elif options.systems:
+            verdicts.append(Verdict(job.system, "-", None, "not measured", "not installed"))
+        else:
+            missing.append(job.system)
     failed = [control.name for control in controls if not control.passed]
     if failed:
         why = f"a control was misidentified ({', '.join(failed)}), so no verdict is given"
@@ -145,47 +149,104 @@ def _chosen(names: Iterable[str]) -> dict[str, Path]:
 
 
 def _slowest_first(name: str) -> int:
-    """Put the systems that take longest to import first, so that no worker waits at the end."""
-    order = ("kornia", "scikit-learn", "scikit-image", "opencv")
+    """Put the systems that take longest first, so that no worker waits at the end."""
+    order = ("opencv", "kornia", "kornia-rs", "open3d", "scikit-learn", "scikit-image")
     return order.index(name) if name in order else len(order)
 
 
-def _audit_system(name: str, file: Path, options: Options) -> list[Verdict] | None:
-    """Return the verdicts on one system, None where it is not installed."""
-    verdicts: list[Verdict] = []
-    done: set[str] = set()
-    while True:
-        try:
-            with WorkerHost(file, options.python, options.seconds) as host:
-                described = host.ask(
-                    "describe", prepare=options.prepare if name in options.preparable else None
-                )
-                if not described["installed"]:
-                    return None
-                version = described["version"]
-                for one in described["entry_points"]:
-                    if one["name"] in done:
-                        continue
-                    done.add(one["name"])
-                    if "unmeasured" in one:
-                        verdicts.append(
-                            Verdict(name, one["name"], version, "not measured", one["unmeasured"])
-                        )
-                        continue
-                    host.allow(options.seconds)
-                    try:
-                        verdicts.append(_audit_entry_point(host, name, version, one, options))
-                    except WorkerFailed as why:
-                        verdicts.append(
-                            Verdict(name, one["name"], version, "not measured", str(why))
-                        )
-                        if not host.alive:
-                            break
-                else:
-                    return verdicts
-        except WorkerFailed as why:
-            # The worker did not even come up.
-            return [*verdicts, Verdict(name, "-", None, "not measured", str(why))]
+class _Job:
+    """The entry points of one system: those to do, and the verdicts on those done."""
+
+    def __init__(self, system: str, file: Path) -> None:
+        self.system = system
+        self.file = file
+        self.installed = True
+        self.order: list[str] | None = None
+        self.waiting: deque[dict[str, Any]] = deque()
+        self.done: dict[str, Verdict] = {}
+
+    def fill(self, described: dict[str, Any], quick: bool) -> None:
+        """Take over what the first worker says of the system."""
+        listed = described["entry_points"]
+        if quick:
+            listed = [one for one in listed if "unmeasured" not in one][:1] or listed[:1]
+        self.order = [one["name"] for one in listed]
+        self.waiting.extend(listed)
+
+    def verdicts(self) -> list[Verdict]:
+        """Return the verdicts in the order of the probe."""
+        order = [*(self.order or []), "-"]
+        return [self.done[name] for name in order if name in self.done]
+
+
+class _Crew:
+    """Threads that each drive one worker process at a time, until nothing is left to measure.
+
+    Every system is begun by one of them; those that find none left help with the longest queue.
+    """
+
+    def __init__(
+        self, probes: dict[str, Path], options: Options, progress: Callable[[str], object]
+    ) -> None:
+        self.jobs = [_Job(system, file) for system, file in probes.items()]
+        self._unbegun = deque(sorted(self.jobs, key=lambda job: _slowest_first(job.system)))
+        self._options = options
+        self._progress = progress
+        self._lock = threading.Lock()
+
+    def work(self) -> None:
+        """Measure until nothing is left to begin or to help with."""
+        while True:
+            with self._lock:
+                job = self._unbegun.popleft() if self._unbegun else None
+                if job is None:
+                    job = max(self.jobs, key=lambda job: len(job.waiting))
+                    if len(job.waiting) < _WORTH_HELPING:
+                        return
+            self._drive(job)
+
+    def _drive(self, job: _Job) -> None:
+        """Run workers for one system until its queue is empty, a new one after each crash."""
+        while True:
+            try:
+                with WorkerHost(job.file, self._options.python, self._options.seconds) as host:
+                    if not self._serve(job, host):
+                        return
+            except WorkerFailed as why:
+                # The worker did not even come up.
+                if job.order is None:
+                    verdict = Verdict(job.system, "-", None, "not measured", str(why))
+                    job.done["-"] = verdict
+                return
+
+    def _serve(self, job: _Job, host: WorkerHost) -> bool:
+        """Measure with one worker; whether it died and another is needed."""
+        options = self._options
+        prepared = job.system in options.preparable
+        described = host.ask("describe", prepare=options.prepare if prepared else None)
+        if not described["installed"]:
+            job.installed = False
+            return False
+        with self._lock:
+            if job.order is None:
+                job.fill(described, options.quick)
+        while True:
+            try:
+                one = job.waiting.popleft()
+            except IndexError:
+                return False
+            host.allow(options.seconds)
+            name, version = one["name"], described["version"]
+            try:
+                if "unmeasured" in one:
+                    raise WorkerFailed(one["unmeasured"])
+                verdict = _audit_entry_point(host, job.system, version, one, options)
+            except WorkerFailed as why:
+                verdict = Verdict(job.system, name, version, "not measured", str(why))
+            job.done[name] = verdict
+            self._progress(f"{job.system} {name}")
+            if not host.alive:
+                return True
 
 
 def _audit_entry_point(
@@ -194,23 +255,11 @@ def _audit_entry_point(
     started = time.monotonic()
     measured = measure(host, one)
     runs = measured.runs
-    if not measured.points:
-        reasons = "; ".join(f"{why} ({times} streams)" for why, times in measured.discarded.items())
-        return Verdict(
-            system,
-            one["name"],
-            version,
-            "not measured",
-            f"no stream showed the rule: {reasons}",
-            sampler_law=measured.sampler,
-            runs=runs,
-            seconds=round(time.monotonic() - started, 3),
-        )
-    verdict, reason = judge(measured.fit, measured.sampler, measured.points)
+    verdict, reason = judge(measured)
     defaults = None
     advice = ""
     declared = one["defaults"]
-    if declared is not None:
+    if declared is not None and measured.points:
         checked, more = _check_defaults(host, one, declared, measured.fit.law)
         runs += more
         problems = [
@@ -235,7 +284,8 @@ def _audit_entry_point(
         measured.sampler,
         measured.fit.law,
         defaults,
-        tuple(measured.points),
+        measured.points,
+        measured.defects,
         runs,
         round(time.monotonic() - started, 3),
     )
@@ -296,7 +346,7 @@ def measure_controls(options: Options, seed: int = SEED) -> tuple[Control, ...]:
                         known.name,
                         f"{known.formula}; {known.drawn}",
                         f"{found.formula if found else 'none'}; {measured.sampler.drawn}",
-                        known.recognised(measured.fit, measured.sampler),
+                        known.recognised(measured),
                         measured.runs,
                     )
                 )

@@ -20,6 +20,23 @@ _EXIT_UNMEASURED = 2
     help="Measure each library as `ransac-fix run` leaves it, where there is a patch.",
 )
 @click.option(
+    "--python",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Measure the environment of this interpreter; ransac-fix need not be installed there.",
+)
+@click.option("--quick", is_flag=True, help="One entry point of each system.")
+@click.option("--n", "n_samples", type=click.IntRange(min=2), help="Your number of measurements.")
+@click.option(
+    "--inlier-ratio",
+    type=click.FloatRange(0, 1),
+    help="Your share of inliers: with --n, guarantees are stated for it too.",
+)
+@click.option(
+    "--confidence",
+    type=click.FloatRange(0, 1),
+    help="Your confidence there; the library's default if left out.",
+)
+@click.option(
     "--output-format", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
 @click.option("--points", "every_point", is_flag=True, help="Print every measured point.")
@@ -36,6 +53,11 @@ def command(
     ctx: click.Context,
     systems: tuple[str, ...],
     patched: bool,
+    python: str | None,
+    quick: bool,
+    n_samples: int | None,
+    inlier_ratio: float | None,
+    confidence: float | None,
     output_format: str,
     every_point: bool,
     timeout: float,
@@ -53,10 +75,21 @@ def command(
 
     from ransac_fix.audit.session import Options, audit
 
+    if patched and python:
+        raise click.UsageError("--patched measures this environment: leave out --python")
+    if (n_samples is None) != (inlier_ratio is None):
+        raise click.UsageError("--n and --inlier-ratio belong together")
+    if confidence is not None and n_samples is None:
+        raise click.UsageError("--confidence needs --n and --inlier-ratio")
+    problems: tuple[tuple[int, int, float | None], ...] = ()
+    if n_samples is not None and inlier_ratio is not None:
+        problems = ((n_samples, round(n_samples * inlier_ratio), confidence),)
     options = Options(
         systems=systems,
-        python=sys.executable,
+        python=python or sys.executable,
         seconds=timeout,
+        problems=problems,
+        quick=quick,
         prepare="ransac_fix.patching:patch" if patched else None,
         preparable=frozenset(one.name for one in entry_points(group="ransac_fix.patches")),
     )
@@ -90,20 +123,16 @@ class _Progress:
 
     def __enter__(self) -> "_Progress":
         self._shown = sys.stderr.isatty()
-        self._names: list[str] = []
+        self._count = 0
         if self._shown:
             print("measuring ...", end="", file=sys.stderr, flush=True)
         return self
 
     def done(self, name: str) -> None:
-        self._names.append(name)
+        self._count += 1
         if self._shown:
-            print(
-                f"\r\033[Kmeasured {', '.join(self._names)} ...",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
+            line = f"\r\033[Kmeasured {self._count}, last {name} ..."
+            print(line, end="", file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._shown:

@@ -41,8 +41,8 @@ VERDICT = Verdict(
     ),
     AtDefaults(0.995, 0, 2000, 1.0, True, (Guarantee(20, 7, 4, 0.995, 350, 731, "rule", 0.9209),)),
     (Point(14, 5, 4, 84, 1.3703, 1.37, 20, "flip"), Point(14, 5, 4, 30, 0.48, 0.479, 9, "flip")),
-    500,
-    1.5,
+    runs=500,
+    seconds=1.5,
 )
 
 

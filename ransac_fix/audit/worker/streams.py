@@ -25,6 +25,8 @@ LARGEST_CONFIDENCE = 1 - 2.0**-53
 U_RANGE = (0.01, 25.0)
 # A flip is known to this fraction of a trial.
 RESOLUTION = 0.03
+NEVER_STOPS = "the rule never stops before the larger model"
+ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
 # Runs of one stream that is another each time.
 _REPEATS = 8
 
@@ -185,9 +187,9 @@ def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
         return stream.finds_b(budget, confidence_of(u))
 
     if not passes(U_RANGE[1]):
-        raise Discarded("the rule stops before the larger model even at the highest confidence")
+        raise Discarded(ALWAYS_STOPS)
     if passes(U_RANGE[0]):
-        raise Discarded("the rule never stops before the larger model")
+        raise Discarded(NEVER_STOPS)
     low, high = U_RANGE
     while t_b * (high - low) / low > RESOLUTION:
         middle = math.sqrt(low * high)
@@ -353,6 +355,29 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     return {"hits": out, "runs": len(out)}
 
 
+def larger(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+    """Count how often the larger of two groups is found at the highest confidence.
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        The function.
+    request : dict
+        ``n_samples``, ``group_size``, ``trials``, ``streams``, ``seed``.
+
+    Returns
+    -------
+    dict
+        ``found`` and ``runs``.
+    """
+    found = 0
+    for index in range(request["streams"]):
+        seed, size = request["seed"] + index, request["group_size"]
+        planted = plant(entry_point.problem, request["n_samples"], size, 1, size + 1, seed)
+        found += Stream(entry_point, planted, seed).finds_b(request["trials"], LARGEST_CONFIDENCE)
+    return {"found": found, "runs": request["streams"]}
+
+
 def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     """Compare runs with nothing set with runs of a stated number of trials.
 
@@ -401,5 +426,6 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
 REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
     "points": points,
     "hits": hits,
+    "larger": larger,
     "defaults": defaults,
 }

@@ -1,0 +1,59 @@
+"""How often the audit mistakes a known law: seeded audits of the whole zoo.
+
+    python benchmarks/control_zoo.py --audits 1000 --jobs 2
+
+Each audit measures one law on planted problems and random streams of its own; the laws take
+turns. Prints every mistake and, at the end, the number of them for each law.
+"""
+
+import argparse
+import time
+from collections import Counter
+
+from joblib import Parallel, delayed
+
+from ransac_fix.audit.control_probe import entry_point
+from ransac_fix.audit.controls import ZOO
+from ransac_fix.audit.local import LocalHost
+from ransac_fix.audit.measure import measure
+
+
+def audit(number: int, seed: int) -> tuple[str, bool, str, int]:
+    """Measure one law of the zoo; its name, whether it was recognised, what was found, runs."""
+    law = ZOO[number % len(ZOO)]
+    host = LocalHost(entry_point(law))
+    measured = measure(host, host.described, seed)
+    found = measured.fit.law.formula if measured.fit.law else f"none of {len(measured.points)}"
+    rivals = " or ".join(rival.formula for rival in measured.fit.rivals)
+    text = f"{found} {rivals}; {measured.sampler}; {measured.defects}"
+    return law.name, law.recognised(measured), text, measured.runs
+
+
+def main() -> None:
+    """Run the audits and print what went wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--audits", type=int, default=1000)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    started = time.monotonic()
+    results = Parallel(n_jobs=options.jobs)(
+        delayed(audit)(number, options.seed + 100_000 * number) for number in range(options.audits)
+    )
+    wrong = Counter()
+    for name, recognised, text, _ in results:
+        if not recognised:
+            wrong[name] += 1
+            print(f"mistaken: {name}: {text}")
+    each = Counter(name for name, *_ in results)
+    for law in ZOO:
+        print(f"{law.name:35} {wrong[law.name]:4} of {each[law.name]:4} mistaken")
+    runs = sum(result[-1] for result in results)
+    print(
+        f"{wrong.total()} of {len(results)} audits mistaken, {runs:,} runs, "
+        f"{time.monotonic() - started:.0f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()
