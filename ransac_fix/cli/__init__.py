@@ -14,7 +14,11 @@ from ransac_fix.errors import RansacFixError
 _COMMANDS: dict[str, tuple[str, str]] = {
     "audit": ("audit", "Measure which stopping rule the installed libraries obey."),
     "explain": ("explain", "What both stopping rules do on your own numbers."),
+    "scan": ("scan", "Find stopping rules in source code."),
+    "rule": ("rule", "What a rule of the scan finds, why, and what to write instead."),
+    "rules": ("rules", "List the rules of the scan."),
     "run": ("run", "Run a Python program with its libraries patched."),
+    "site": ("site", "Patch every program of this environment."),
     "reproduce": ("reproduce", "Compute the paper's figures and tables again."),
 }
 

@@ -1,0 +1,963 @@
+"""Follow definitions: from the small form to resolved expressions, and the candidates in them.
+
+The walker runs over each body once for its definitions and once to record, carrying for every
+name the expression it stands for. Where paths join, a name stands for one of several
+(:class:`~ransac_fix.scan.form.Choice`); a loop that multiplies a name in every run makes it a
+product (:class:`~ransac_fix.scan.form.Over`). Calls to functions of the same file are replaced by
+what they return. All this is bounded: by depth, by the number of choices, and by the number of
+nodes one file may produce.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from ransac_fix.scan import functions
+from ransac_fix.scan.form import (
+    Assign,
+    Call,
+    Choice,
+    Class,
+    Each,
+    Evaluate,
+    Expr,
+    Fn,
+    Function,
+    If,
+    Import,
+    Index,
+    Item,
+    Lambda,
+    Leave,
+    Loop,
+    Module,
+    Name,
+    Num,
+    Op,
+    Over,
+    Ref,
+    Seq,
+    Span,
+    Stmt,
+    Unknown,
+)
+
+Env = dict[str, Expr]
+
+# What a resolved expression contains.
+LOG = 1  # a logarithm
+POW = 2  # a power or product
+NESTED = 4  # a power of an expression with a power in it
+COMPARISONS = frozenset(("<", "<=", ">", ">="))
+
+_MAX_DEPTH = 80
+_MAX_CHOICES = 6
+_MAX_INLINE = 4
+_MAX_NODES = 400_000
+
+
+class TooComplex(Exception):  # noqa: N818 -- not an error of anybody's
+    """The file produces more expressions than any hand-written one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A place that may hold a rule.
+
+    Attributes
+    ----------
+    kind : {"quotient", "test"}
+        A division with logarithms on both sides, or a comparison with a power of powers in it.
+    expr : Expr
+        The resolved expression.
+    function : Function or None
+        The function it stands in; None at module level.
+    loops : int
+        How many loops it stands in.
+    target : str or None
+        The name its statement assigns to.
+    call : Span or None
+        For a candidate seen through a call: where the call stands.
+    """
+
+    kind: str
+    expr: Expr
+    function: Function | None
+    loops: int
+    target: str | None
+    call: Span | None = None
+
+
+@dataclass(slots=True)
+class _Scope:
+    """One body being walked."""
+
+    function: Function | None
+    owner: str | None
+    returns: list[Expr] = field(default_factory=list)
+    exits: list[list[Env]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Summary:
+    value: Expr
+    parameters: Mapping[str, Name]
+    order: tuple[str, ...]
+    defaults: Mapping[str, Expr]
+
+
+def candidates(module: Module) -> list[Candidate]:
+    """Find every place of a file that may hold a rule, resolved."""
+    return _Evaluator(module).run()
+
+
+class _Evaluator:
+    def __init__(self, module: Module) -> None:
+        self._module = module
+        self._facts: dict[int, tuple[int, int]] = {}
+        self._keep: list[Expr] = []
+        self._functions: dict[str, list[Function]] = {}
+        self._summaries: dict[int, _Summary | None] = {}
+        self._closures: dict[int, Env] = {}
+        self._attributes: dict[tuple[str, str], list[Expr]] = {}
+        self._globals: Env = {}
+        self._found: list[Candidate] = []
+        self._recording = False
+        self._second = False
+        self._scope = _Scope(None, None)
+        self._loops = 0
+        self._loop_number = 0
+        self._target: str | None = None
+        self._call: Span | None = None
+        self._inlining = 0
+        for function in _all_functions(module.body):
+            self._functions.setdefault(function.name, []).append(function)
+
+    def run(self) -> list[Candidate]:
+        # First, in silence: the names of the module, and the attributes that its classes set.
+        env: Env = {}
+        self._block(self._module.body, env)
+        self._globals = env
+        everything = list(_all_functions(self._module.body))
+        for function in everything:
+            if function.owner and any("." in name for name in _assigned(function.body)):
+                self._walk_function(function)
+        # Then every body once more, with those known; a function that is called is walked when
+        # it is first called.
+        self._summaries.clear()
+        self._recording = self._second = True
+        self._block(self._module.body, {})
+        for function in everything:
+            self._summary(function)
+        return self._found
+
+    # ---- bookkeeping ----------------------------------------------------------------------
+
+    def _new(self, expr: Expr, parts: Iterable[Expr], facts: int = 0) -> Expr:
+        """Register a resolved node: its facts are those of its parts and its own."""
+        depth = 0
+        for part in parts:
+            part_facts, part_depth = self._facts.get(id(part), (0, 0))
+            facts |= part_facts
+            depth = max(depth, part_depth)
+        if depth >= _MAX_DEPTH:
+            expr = Unknown((), expr.span)
+            facts, depth = 0, 0
+        self._facts[id(expr)] = (facts, depth + 1)
+        self._keep.append(expr)
+        if len(self._keep) > _MAX_NODES:
+            raise TooComplex
+        return expr
+
+    def _has(self, expr: Expr, fact: int) -> bool:
+        return bool(self._facts.get(id(expr), (0, 0))[0] & fact)
+
+    def _candidate(self, kind: str, expr: Expr) -> None:
+        if self._recording:
+            self._found.append(
+                Candidate(kind, expr, self._scope.function, self._loops, self._target, self._call)
+            )
+
+    # ---- statements -----------------------------------------------------------------------
+
+    def _block(self, body: tuple[Stmt, ...], env: Env) -> bool:
+        """Walk statements, changing ``env``; False when control never reaches the end."""
+        return all(self._statement(stmt, env) for stmt in body)
+
+    def _statement(self, stmt: Stmt, env: Env) -> bool:
+        match stmt:
+            case Assign():
+                self._target = stmt.target
+                value = self._expr(stmt.value, env)
+                if stmt.target is not None:
+                    self._bind(stmt.target, value, env)
+                self._target = None
+            case Evaluate():
+                self._expr(stmt.value, env)
+            case If():
+                return self._if(stmt, env)
+            case Loop():
+                self._loop(stmt, env)
+            case Leave():
+                if stmt.value is not None:
+                    value = self._expr(stmt.value, env)
+                    self._scope.returns.append(value)
+                if stmt.kind in ("break", "continue") and self._scope.exits:
+                    self._scope.exits[-1].append(dict(env))
+                return False
+            case Import():
+                env[stmt.name] = Name(stmt.target)
+            case Function():
+                self._closures[id(stmt)] = env
+            case Class():
+                inner = dict(env)
+                self._block(stmt.body, inner)
+                for name, value in inner.items():
+                    if env.get(name) is not value and isinstance(value, Ref):
+                        self._attribute(stmt.name, name, value)
+        return True
+
+    def _bind(self, target: str, value: Expr, env: Env) -> None:
+        env[target] = value
+        head, _, tail = target.partition(".")
+        if tail and head in ("self", "cls", "this") and self._scope.owner:
+            self._attribute(self._scope.owner, tail, value)
+
+    def _attribute(self, owner: str, name: str, value: Expr) -> None:
+        if self._second:
+            return  # the first walk has seen them all
+        known = self._attributes.setdefault((owner, name), [])
+        if len(known) < _MAX_CHOICES:
+            known.append(value)
+
+    def _if(self, stmt: If, env: Env) -> bool:
+        self._expr(stmt.test, env)
+        then, other = dict(env), dict(env)
+        then_ends = self._block(stmt.body, then)
+        other_ends = self._block(stmt.orelse, other)
+        ends = [one for one, reached in ((then, then_ends), (other, other_ends)) if reached]
+        if ends:
+            self._join(ends, env)
+        return bool(ends)
+
+    def _join(self, ends: list[Env], env: Env) -> None:
+        if len(ends) == 1:
+            joined = ends[0]
+        else:
+            joined = dict(ends[0])
+            for one in ends[1:]:
+                for name, value in one.items():
+                    known = joined.get(name)
+                    if known is None:
+                        joined[name] = value
+                    elif known is not value:
+                        joined[name] = self._choice((known, value))
+        env.clear()
+        env.update(joined)
+
+    def _choice(self, values: Iterable[Expr], span: Span | None = None) -> Expr:
+        options: list[Expr] = []
+        for value in values:
+            for option in value.options if isinstance(value, Choice) else (value,):
+                nothing = isinstance(option, Unknown) and not option.parts
+                if not nothing and not any(option is other for other in options):
+                    options.append(option)
+        if len(options) == 1:
+            return options[0]
+        if not options:
+            return Unknown((), span)
+        del options[_MAX_CHOICES:]
+        return self._new(Choice(tuple(options), span), options)
+
+    def _loop(self, stmt: Loop, env: Env) -> None:
+        self._loop_number += 1
+        loop = str(self._loop_number)
+        count: Expr | None = None
+        counters = _counters(stmt.body)
+        start = dict(env)
+        if stmt.source is not None:
+            source = self._expr(stmt.source, env)
+            count = _range_count(source)
+            for number, name in enumerate(stmt.variables):
+                counted = number == 0 and _is_counted(source)
+                start[name] = self._new(Index(name, loop, count), ()) if counted else Name(name)
+        carried: dict[str, Expr] = {}
+        for name in _assigned(stmt.body):
+            if name in counters:
+                carried[name] = self._new(Index(name, loop, count), ())
+            else:
+                carried[name] = Name(name)
+        if stmt.test is not None and count is None:
+            count = _test_count(stmt.test, counters, lambda expr: self._quiet(expr, env))
+
+        # One run in silence, to see what the loop does to each name.
+        recording, self._recording = self._recording, False
+        end = self._run_body(stmt, {**start, **carried})
+        self._recording = recording
+
+        # What each name is at the start of any run, and after the loop.
+        steady, after = dict(start), dict(env)
+        for name, symbol in carried.items():
+            before = env.get(name)
+            value = end.get(name)
+            if value is None:
+                continue
+            if name in counters:
+                steady[name] = symbol
+                after[name] = Name(name)
+                continue
+            total = self._accumulated(before, symbol, value, loop, count)
+            both = self._choice([one for one in (before, value) if one is not None])
+            steady[name] = both
+            after[name] = both if total is None else total
+        if recording or stmt.test is not None:
+            if stmt.test is not None:
+                self._loops += 1
+                self._expr(stmt.test, dict(steady))
+                self._loops -= 1
+            if recording:
+                end = self._run_body(stmt, dict(steady))
+        for name, value in end.items():
+            if name not in after and name not in stmt.variables:
+                after[name] = value
+        env.clear()
+        env.update(after)
+
+    def _run_body(self, stmt: Loop, env: Env) -> Env:
+        self._loops += 1
+        self._scope.exits.append([])
+        ends = [env] if self._block(stmt.body, env) else []
+        ends += self._scope.exits.pop()
+        self._loops -= 1
+        joined: Env = {}
+        self._join(ends[:_MAX_CHOICES] or [env], joined)
+        return joined
+
+    def _quiet(self, expr: Expr, env: Env) -> Expr:
+        recording, self._recording = self._recording, False
+        value = self._expr(expr, env)
+        self._recording = recording
+        return value
+
+    def _accumulated(
+        self, before: Expr | None, symbol: Expr, value: Expr, loop: str, count: Expr | None
+    ) -> Expr | None:
+        """Give the product or sum a name has become, if the loop builds one."""
+        if before is None:
+            return None
+        factors = _peel(value, symbol)
+        if factors is None:
+            return None
+        kind, body = factors
+        # One factor may itself be conditional; what counts is that it is multiplied in each run.
+        term: Expr
+        if kind == "prod":
+            term = body[0][1] if len(body) == 1 and body[0][0] == "mul" else Num(1.0)
+            if len(body) != 1 or body[0][0] != "mul":
+                for operator, factor in body:
+                    term = self._new(Op(operator, (term, factor)), (term, factor), POW)
+            over = self._new(Over("prod", term, loop, count), (term,), POW)
+            return self._new(Op("mul", (before, over)), (before, over))
+        term = Num(0.0)
+        for operator, part in body:
+            term = self._new(Op(operator, (term, part)), (term, part))
+        over = self._new(Over("sum", term, loop, count), (term,))
+        return self._new(Op("add", (before, over)), (before, over))
+
+    # ---- functions ------------------------------------------------------------------------
+
+    def _walk_function(self, function: Function) -> tuple[list[Expr], dict[str, Name]]:
+        env = dict(self._closures.get(id(function), self._globals))
+        for name, value in self._globals.items():
+            env.setdefault(name, value)
+        parameters = {one.name: Name(one.name) for one in function.parameters}
+        for name, symbol in parameters.items():
+            self._facts[id(symbol)] = (LOG if _says_log(name) else 0, 0)
+            self._keep.append(symbol)
+        env.update(parameters)
+        outer = self._scope, self._loops, self._target, self._call
+        self._scope = _Scope(function, function.owner)
+        self._loops, self._target, self._call = 0, None, None
+        self._block(function.body, env)
+        returns = self._scope.returns
+        self._scope, self._loops, self._target, self._call = outer
+        return returns, parameters
+
+    def _summary(self, function: Function) -> _Summary | None:
+        """Say what a function returns, in its parameters; None when that says nothing."""
+        if id(function) in self._summaries:
+            return self._summaries[id(function)]
+        self._summaries[id(function)] = None  # a recursive function has no summary
+        recording = self._recording
+        # In the second walk this records, even where the call that led here does not.
+        self._recording = recording or self._second
+        returns, parameters = self._walk_function(function)
+        self._recording = False
+        defaults = {
+            one.name: self._expr(one.default, dict(self._globals))
+            for one in function.parameters
+            if one.default is not None
+        }
+        self._recording = recording
+        value = self._choice(returns)
+        summary = None
+        if self._has(value, LOG | POW):
+            order = tuple(one.name for one in function.parameters)
+            if function.owner and order and order[0] in ("self", "cls"):
+                order = order[1:]
+            summary = _Summary(value, parameters, order, defaults)
+        self._summaries[id(function)] = summary
+        return summary
+
+    def _function_for(self, call: Call, base: Expr | None) -> Function | None:
+        named = self._functions.get(call.name)
+        if not named:
+            return None
+        if isinstance(base, Name) and base.name in functions.MODULES:
+            return None
+        if len(named) == 1:
+            return named[0]
+        owner = self._scope.owner if base is not None else None
+        same = [one for one in named if one.owner == owner]
+        return same[0] if len(same) == 1 else None
+
+    def _inline(self, summary: _Summary, call: Call, arguments: "Arguments") -> Expr:
+        positional, keywords = arguments
+        values: dict[int, Expr] = {}
+        for name, value in zip(summary.order, positional, strict=False):
+            values[id(summary.parameters[name])] = value
+        for name, value in keywords:
+            if name in summary.parameters:
+                values[id(summary.parameters[name])] = value
+        for name, value in summary.defaults.items():
+            values.setdefault(id(summary.parameters[name]), value)
+        outer, self._call = self._call, call.span
+        self._inlining += 1
+        result = self._substitute(summary.value, values, {})
+        self._inlining -= 1
+        self._call = outer
+        return result
+
+    def _substitute(self, expr: Expr, values: Mapping[int, Expr], memo: dict[int, Expr]) -> Expr:
+        if id(expr) in values:
+            return values[id(expr)]
+        if id(expr) in memo:
+            return memo[id(expr)]
+        result = expr
+        match expr:
+            case Ref():
+                value = self._substitute(expr.value, values, memo)
+                if value is not expr.value:
+                    result = self._new(Ref(expr.name, value, expr.span), (value,))
+            case Op() | Fn():
+                args = tuple(self._substitute(arg, values, memo) for arg in expr.args)
+                if any(new is not old for new, old in zip(args, expr.args, strict=True)):
+                    if isinstance(expr, Fn):
+                        result = self._fn(expr.name, args, expr.span)
+                    else:
+                        result = self._op(expr.op, args, expr.span)
+            case Choice():
+                options = [self._substitute(one, values, memo) for one in expr.options]
+                if any(new is not old for new, old in zip(options, expr.options, strict=True)):
+                    result = self._choice(options, expr.span)
+            case Over():
+                body = self._substitute(expr.body, values, memo)
+                count = expr.count and self._substitute(expr.count, values, memo)
+                if body is not expr.body or count is not expr.count:
+                    facts = POW if expr.kind == "prod" else 0
+                    result = self._new(
+                        Over(expr.kind, body, expr.loop, count, expr.span), (body,), facts
+                    )
+            case Seq():
+                items = tuple(self._substitute(one, values, memo) for one in expr.items)
+                if any(new is not old for new, old in zip(items, expr.items, strict=True)):
+                    result = self._new(Seq(items, expr.span), items)
+            case Item():
+                base = self._substitute(expr.base, values, memo)
+                if base is not expr.base:
+                    result = self._item(base, expr.index, expr.span)
+            case _:
+                pass
+        memo[id(expr)] = result
+        return result
+
+    # ---- expressions ----------------------------------------------------------------------
+
+    def _expr(self, expr: Expr, env: Env) -> Expr:
+        match expr:
+            case Num():
+                return expr
+            case Name():
+                return self._name(expr, env)
+            case Op():
+                return self._op(
+                    expr.op, tuple(self._expr(arg, env) for arg in expr.args), expr.span
+                )
+            case Call():
+                return self._evaluate_call(expr, env)
+            case Choice():
+                return self._choice([self._expr(one, env) for one in expr.options], expr.span)
+            case Item():
+                base = self._expr(expr.base, env)
+                return self._item(base, self._expr(expr.index, env), expr.span)
+            case Seq():
+                items = tuple(self._expr(one, env) for one in expr.items)
+                return self._new(Seq(items, expr.span), items)
+            case Each():
+                return self._each(expr, env)
+            case Ref():  # name := value
+                value = self._expr(expr.value, env)
+                env[expr.name] = value
+                return self._new(Ref(expr.name, value, expr.span), (value,))
+            case Lambda():
+                self._closures.setdefault(id(expr.function), env)
+                inner = dict(env)
+                for parameter in expr.function.parameters:
+                    inner[parameter.name] = Name(parameter.name)
+                for stmt in expr.function.body:
+                    if isinstance(stmt, Leave) and stmt.value is not None:
+                        self._expr(stmt.value, inner)
+                return expr
+            case Unknown():
+                parts = tuple(self._expr(part, env) for part in expr.parts)
+                # What an unknown operation does to a logarithm is unknown: its facts end here.
+                return self._new(Unknown(parts, expr.span), ())
+            case _:
+                return expr
+
+    def _name(self, expr: Name, env: Env) -> Expr:
+        value = env.get(expr.name)
+        if value is None:
+            head, _, tail = expr.name.partition(".")
+            if tail:
+                value = self._dotted(head, tail, env)
+        if isinstance(value, Name) and value.span is None and "." in value.name:
+            return self._new(Name(value.name, expr.span), ())  # an imported member
+        facts = LOG if _says_log(expr.name) else 0
+        if value is None:
+            return self._new(Name(expr.name, expr.span), (), facts)
+        return self._new(Ref(expr.name, value, expr.span), (value,))
+
+    def _dotted(self, head: str, tail: str, env: Env) -> Expr | None:
+        if head in ("self", "cls", "this") and self._scope.owner:
+            known = self._attributes.get((self._scope.owner, tail))
+            if known:
+                return self._choice(known)
+            return None
+        value = env.get(head)
+        while isinstance(value, Ref):
+            value = value.value
+        if isinstance(value, Name) and value.span is None and value.name != head:
+            return Name(f"{value.name}.{tail}")
+        known = self._attributes.get((head, tail))  # Class.constant
+        return self._choice(known) if known else None
+
+    def _each(self, expr: Each, env: Env) -> Expr:
+        source = self._expr(expr.source, env)
+        self._loop_number += 1
+        loop = str(self._loop_number)
+        inner = dict(env)
+        variable: Expr = Name(expr.variable)
+        count = _range_count(source)
+        if _is_counted(source):
+            variable = self._new(Index(expr.variable, loop, count), ())
+        inner[expr.variable] = variable
+        body = self._expr(expr.body, inner)
+        return self._new(Over("each", body, loop, count, expr.span), (body,))
+
+    def _item(self, base: Expr, index: Expr, span: Span | None) -> Expr:
+        inner = base
+        while isinstance(inner, Ref):
+            inner = inner.value
+        if isinstance(inner, Seq) and isinstance(index, Num):
+            number = int(index.value)
+            if -len(inner.items) <= number < len(inner.items):
+                return inner.items[number]
+        if isinstance(inner, Choice) and isinstance(index, Num):
+            parts = [self._item(option, index, span) for option in inner.options]
+            if any(not isinstance(part, Item) for part in parts):
+                return self._choice(parts, span)
+        facts = 0 if isinstance(inner, Seq) else POW | LOG
+        kept = self._facts.get(id(base), (0, 0))[0] & facts
+        return self._new(Item(base, index, span), (), kept)
+
+    def _op(self, operator: str, args: tuple[Expr, ...], span: Span | None) -> Expr:
+        facts = POW if operator in ("pow", "mul") else 0
+        if operator == "pow" and self._has(args[0], POW):
+            facts |= NESTED
+        expr = self._new(Op(operator, args, span), args, facts)
+        if operator in ("div", "floordiv"):
+            if self._has(args[1], LOG) and (self._has(args[0], LOG) or self._has(args[1], POW)):
+                self._candidate("quotient", expr)
+        elif operator in COMPARISONS:
+            if self._has(expr, NESTED) or all(self._has(arg, LOG) for arg in args):
+                self._candidate("test", expr)
+        elif operator == "mul" and self._has(args[0], LOG) and self._has(args[1], LOG):
+            self._candidate("quotient", expr)
+        return expr
+
+    def _fn(self, name: str, args: tuple[Expr, ...], span: Span | None) -> Expr:
+        facts = 0
+        if name == "log":
+            facts = LOG
+        elif name in ("exp", "comb", "factorial", "gamma", "hypergeom"):
+            facts = POW
+        return self._new(Fn(name, args, span), args, facts)
+
+    def _evaluate_call(self, call: Call, env: Env) -> Expr:
+        base = self._expr(call.base, env) if call.base is not None else None
+        args = tuple(self._expr(arg, env) for arg in call.args)
+        keywords = tuple((name, self._expr(value, env)) for name, value in call.keywords)
+        function = self._function_for(call, base)
+        if function is not None and self._inlining < _MAX_INLINE:
+            summary = self._summary(function)
+            if summary is not None:
+                return self._inline(summary, call, (args, keywords))
+        name = call.name
+        if base is None:
+            bound = env.get(name)
+            while isinstance(bound, Ref):
+                bound = bound.value
+            if isinstance(bound, Lambda) and self._inlining < _MAX_INLINE:
+                return self._apply(bound.function, args, keywords)
+            if isinstance(bound, Name) and bound.name != name:
+                module, _, name = bound.name.rpartition(".")
+                base = Name(module) if module else None
+        if isinstance(base, Ref) and isinstance(base.value, Name) and base.value.span is None:
+            resolved = base.value
+            base = resolved if resolved.name in functions.MODULES or "." in resolved.name else base
+        return self._known(name, base, args, keywords, call.span, env)
+
+    def _apply(
+        self, function: Function, args: tuple[Expr, ...], keywords: tuple[tuple[str, Expr], ...]
+    ) -> Expr:
+        env = dict(self._closures.get(id(function), self._globals))
+        for parameter in function.parameters:
+            env[parameter.name] = Name(parameter.name)
+        env.update(
+            (parameter.name, value)
+            for parameter, value in zip(function.parameters, args, strict=False)
+        )
+        env.update(keywords)
+        self._inlining += 1
+        value: Expr = Unknown()
+        for stmt in function.body:
+            if isinstance(stmt, Leave) and stmt.value is not None:
+                value = self._expr(stmt.value, env)
+        self._inlining -= 1
+        return value
+
+    def _known(
+        self,
+        name: str,
+        base: Expr | None,
+        args: tuple[Expr, ...],
+        keywords: tuple[tuple[str, Expr], ...],
+        span: Span | None,
+        env: Env,
+    ) -> Expr:
+        """Write a call to a known function one way, whatever library it is from."""
+        module = base is None or _is_module(base, env)
+        named = dict(keywords)
+        # The operand comes first: the receiver of a method, or the first argument.
+        operands = args if module or base is None else (base, *args)
+        if not operands and keywords:
+            operands = tuple(value for _, value in keywords)
+
+        if name in functions.SELECTS and len(operands) == 3:
+            if not module:  # x.where(condition, other)
+                return self._choice((operands[0], operands[2]), span)
+            return self._choice(operands[1:], span)
+        if name in functions.CLAMPS and len(operands) + len(named) >= 2:
+            bounds = (value for key, value in keywords if not _is_axis(key))
+            return self._fn("clamp", (*operands, *bounds), span)
+        if name in functions.CLAMPS and len(operands) == 1:
+            inner = _unwrap(operands[0])
+            if isinstance(inner, Seq):  # max([x, low])
+                return self._fn("clamp", inner.items, span)
+            return self._fn("same", operands, span)
+        if name in functions.ONES:
+            return Num(1.0, span)
+        if name in functions.ZEROS:
+            return Num(0.0, span)
+        if name in functions.FULLS and len(operands) >= 2:
+            return operands[1]
+        if name in functions.RANGES and operands:
+            count = _arange_count(operands)
+            # One running index for all: arrays of a product run together.
+            return self._new(Index(name, "arange", count, span), ())
+        if name in functions.PRODUCTS and operands:
+            return self._product(operands[0], span)
+        if name in functions.SUMS and operands and isinstance(_unwrap(operands[0]), Over):
+            over = _unwrap(operands[0])
+            assert isinstance(over, Over)
+            return self._new(Over("sum", over.body, over.loop, over.count, span), (over.body,))
+        if name == "full" and len(operands) >= 2:
+            return operands[1]
+        if name in functions.UNARY and operands:
+            return self._unary(functions.UNARY[name], name, operands, module=module, span=span)
+        if name in functions.BINARY and len(operands) >= 2:
+            return self._binary(functions.BINARY[name], operands[:2], span)
+        if name in ("pmf", "sf", "cdf", "logpmf") and _is_hypergeom(base):
+            return self._fn("hypergeom", operands, span)
+        if name in functions.COUNTS:
+            return self._fn("count", operands, span)
+        everything = (*operands, *(value for _, value in keywords))
+        facts = LOG if _says_log(name) and not _is_logging(base) else 0
+        return self._new(Fn(f"?{name}", everything, span), (), facts)
+
+    def _unary(
+        self, kind: str, name: str, operands: tuple[Expr, ...], *, module: bool, span: Span | None
+    ) -> Expr:
+        value = operands[0]
+        if kind == "log":
+            if name == "log" and module and len(operands) == 2:
+                # math.log(x, base) is a quotient of logarithms
+                top = self._fn("log", (value,), span)
+                bottom = self._fn("log", (operands[1],), span)
+                return self._op("div", (top, bottom), span)
+            return self._fn("log", (value,), span)
+        if kind == "log1p":
+            one = self._op("add", (Num(1.0), value), span)
+            return self._fn("log", (one,), span)
+        if kind == "expm1":
+            return self._op("sub", (self._fn("exp", (value,), span), Num(1.0)), span)
+        if kind == "square":
+            return self._op("pow", (value, Num(2.0)), span)
+        if kind == "sqrt":
+            return self._op("pow", (value, Num(0.5)), span)
+        if kind == "reciprocal":
+            return self._op("div", (Num(1.0), value), span)
+        if kind == "neg":
+            return self._op("neg", (value,), span)
+        return self._fn(kind, (value,), span)
+
+    def _binary(self, kind: str, operands: tuple[Expr, ...], span: Span | None) -> Expr:
+        if kind == "comb":
+            return self._fn("comb", operands, span)
+        return self._op(kind, operands, span)
+
+    def _product(self, operand: Expr, span: Span | None) -> Expr:
+        inner = _unwrap(operand)
+        if isinstance(inner, Seq) and inner.items:
+            result = inner.items[0]
+            for item in inner.items[1:]:
+                result = self._op("mul", (result, item), span)
+            return result
+        if isinstance(inner, Over):
+            body, loop, count = inner.body, inner.loop, inner.count
+        else:
+            body, loop, count = operand, "", None
+            for index in _indices(operand):
+                loop, count = index.loop, index.count
+        return self._new(Over("prod", body, loop, count, span), (body,), POW)
+
+
+Arguments = tuple[tuple[Expr, ...], tuple[tuple[str, Expr], ...]]
+
+
+# ---- small questions ------------------------------------------------------------------------
+
+
+def _all_functions(body: tuple[Stmt, ...]) -> Iterator[Function]:
+    for stmt in body:
+        match stmt:
+            case Function():
+                yield stmt
+                yield from _all_functions(stmt.body)
+            case Class() | Loop():
+                yield from _all_functions(stmt.body)
+            case If():
+                yield from _all_functions(stmt.body)
+                yield from _all_functions(stmt.orelse)
+            case _:
+                pass
+
+
+def _assigned(body: tuple[Stmt, ...]) -> dict[str, None]:
+    """Collect the names a body assigns, in order."""
+    names: dict[str, None] = {}
+    for stmt in body:
+        match stmt:
+            case Assign(target=str() as target):
+                names[target] = None
+            case If():
+                names.update(_assigned(stmt.body))
+                names.update(_assigned(stmt.orelse))
+            case Loop():
+                names.update(dict.fromkeys(stmt.variables))
+                names.update(_assigned(stmt.body))
+            case _:
+                pass
+    return names
+
+
+def _counters(body: tuple[Stmt, ...]) -> set[str]:
+    """Collect the names that a run of the body changes by one, and does nothing else to."""
+    steps: dict[str, int] = {}
+    for stmt in body:
+        if isinstance(stmt, Assign) and stmt.target and isinstance(stmt.value, Op):
+            match stmt.value:
+                case Op(op="add" | "sub", args=(Name(name=name), Num(value=1.0))) if (
+                    name == stmt.target
+                ):
+                    steps[name] = steps.get(name, 0) + 1
+    others = [stmt for stmt in body if isinstance(stmt, If | Loop)]
+    return {name for name, times in steps.items() if times == 1} - set(_assigned(tuple(others)))
+
+
+def _is_counted(source: Expr) -> bool:
+    """Whether a loop's source gives consecutive integers (first, for ``enumerate``)."""
+    source = _unwrap(source)
+    if isinstance(source, Index):
+        return True
+    match source:
+        case Fn(name="?reversed" | "?tqdm" | "?list" | "same", args=(inner, *_)):
+            return _is_counted(inner)
+        case Fn(name="?enumerate" | "?count"):
+            return True
+    return False
+
+
+def _range_count(source: Expr) -> Expr | None:
+    source = _unwrap(source)
+    if isinstance(source, Index):
+        return source.count
+    match source:
+        case Fn(name="?reversed" | "?tqdm" | "?list" | "same", args=(inner, *_)):
+            return _range_count(inner)
+    return None
+
+
+def _arange_count(operands: tuple[Expr, ...]) -> Expr | None:
+    if len(operands) == 1:
+        return operands[0]
+    low, high = operands[0], operands[1]
+    if isinstance(_unwrap(low), Num) and _unwrap(low).value == 0:  # type: ignore[union-attr]
+        return high
+    return Op("sub", (high, low))
+
+
+def _test_count(test: Expr, counters: set[str], resolve: Callable[[Expr], Expr]) -> Expr | None:
+    match test:
+        case Op(op="<" | "!=", args=(Name(name=name), bound)) if name in counters:
+            return resolve(bound)
+        case Op(op=">", args=(bound, Name(name=name))) if name in counters:
+            return resolve(bound)
+    return None
+
+
+def _peel(value: Expr, symbol: Expr) -> tuple[str, list[tuple[str, Expr]]] | None:
+    """Take apart ``symbol * a / b * ...`` (or ``symbol + a - b``) into what is applied."""
+    applied: list[tuple[str, Expr]] = []
+    kinds: set[str] = set()
+    current = value
+    for _ in range(32):
+        while isinstance(current, Ref):
+            current = current.value
+        if current is symbol:
+            if len(kinds) != 1:
+                return None
+            return kinds.pop(), applied[::-1]
+        match current:
+            case Op(op="mul", args=(left, right)):
+                kinds.add("prod")
+                if _reaches(left, symbol):
+                    applied.append(("mul", right))
+                    current = left
+                else:
+                    applied.append(("mul", left))
+                    current = right
+            case Op(op="div", args=(left, right)):
+                kinds.add("prod")
+                applied.append(("div", right))
+                current = left
+            case Op(op="add" | "sub" as operator, args=(left, right)):
+                kinds.add("sum")
+                if operator == "add" and not _reaches(left, symbol):
+                    left, right = right, left
+                applied.append((operator, right))
+                current = left
+            case Fn(name="same", args=(inner, *_)):
+                current = inner
+            case Choice(options=options):
+                # An accumulator that some runs leave alone (`if ...: continue`).
+                reaching = [one for one in options if one is not symbol and _reaches(one, symbol)]
+                if len(reaching) != 1:
+                    return None
+                current = reaching[0]
+            case _:
+                return None
+    return None
+
+
+def _reaches(expr: Expr, symbol: Expr) -> bool:
+    for _ in range(32):
+        if expr is symbol:
+            return True
+        match expr:
+            case Ref(value=value):
+                expr = value
+            case Op(op="mul" | "div" | "add" | "sub", args=(left, right)):
+                if _reaches(right, symbol):
+                    return True
+                expr = left
+            case Fn(name="same", args=(inner, *_)):
+                expr = inner
+            case _:
+                return False
+    return False
+
+
+def _unwrap(expr: Expr) -> Expr:
+    while isinstance(expr, Ref) or (isinstance(expr, Fn) and expr.name == "same"):
+        expr = expr.value if isinstance(expr, Ref) else expr.args[0]
+    return expr
+
+
+def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
+    if depth > 12:
+        return
+    match expr:
+        case Index():
+            yield expr
+        case Ref(value=value):
+            yield from _indices(value, depth + 1)
+        case Op(args=args) | Fn(args=args):
+            for arg in args:
+                yield from _indices(arg, depth + 1)
+        case Item(base=base):
+            yield from _indices(base, depth + 1)
+        case _:
+            pass
+
+
+def _is_module(base: Expr, env: Env) -> bool:
+    if not isinstance(base, Name):
+        return False
+    if base.name in functions.MODULES:
+        return True
+    value = env.get(base.name)
+    # An import binds a name without a place of its own.
+    return isinstance(value, Name) and value.span is None and base.span is None
+
+
+def _is_hypergeom(base: Expr | None) -> bool:
+    base = _unwrap(base) if base is not None else None
+    if isinstance(base, Name):
+        return base.name.rpartition(".")[2] == "hypergeom"
+    return isinstance(base, Fn) and base.name == "?hypergeom"
+
+
+def _is_axis(keyword: str) -> bool:
+    return keyword in ("axis", "dim", "keepdim", "keepdims", "out", "key", "default", "dtype")
+
+
+def _says_log(name: str) -> bool:
+    """Whether a name says it holds a logarithm: ``log_probability``, ``logConf``, ``lnP``."""
+    last = name.rpartition(".")[2].lower()
+    return last.startswith("log") and not last.startswith(("logger", "logg", "logs", "logit"))
+
+
+def _is_logging(base: Expr | None) -> bool:
+    base = _unwrap(base) if base is not None else None
+    return isinstance(base, Name) and "log" in base.name.lower()

@@ -1,0 +1,218 @@
+"""The mathematical functions of every library, under one name each.
+
+Libraries differ in spelling (``np.power``, ``std::pow``, ``x.pow(k)``, ``torch.pow``) but not in
+meaning, so what counts is the last part of a name. A function of the scanned file with the same
+name is followed instead, if its body can be.
+"""
+
+# Functions of one argument, written f(x) or x.f(). "same" leaves the value alone for the
+# recogniser's purposes: casts, rounding, containers, moves between devices.
+UNARY: dict[str, str] = {
+    **dict.fromkeys(("log", "ln", "logf", "logl", "Log", "alog", "Log_e"), "log"),
+    **dict.fromkeys(("log10", "log10f", "Log10"), "log"),
+    **dict.fromkeys(("log2", "log2f"), "log"),
+    **dict.fromkeys(("log1p", "log1pf"), "log1p"),
+    **dict.fromkeys(("exp", "expf", "Exp"), "exp"),
+    "expm1": "expm1",
+    **dict.fromkeys(("square", "sqr"), "square"),
+    "sqrt": "sqrt",
+    "reciprocal": "reciprocal",
+    **dict.fromkeys(("negative", "neg"), "neg"),
+    **dict.fromkeys(("factorial", "fact"), "factorial"),
+    **dict.fromkeys(("gamma", "tgamma"), "gamma"),
+    **dict.fromkeys(("lgamma", "gammaln", "loggamma"), "lgamma"),
+    **dict.fromkeys(
+        [
+            "Abs",
+            "Decimal",
+            "Fraction",
+            "Integer",
+            "Tensor",
+            "abs",
+            "absolute",
+            "array",
+            "as_tensor",
+            "asarray",
+            "asscalar",
+            "astype",
+            "atleast_1d",
+            "bool",
+            "ceil",
+            "ceilf",
+            "clone",
+            "contiguous",
+            "copy",
+            "cpu",
+            "cuda",
+            "cvCeil",
+            "cvFloor",
+            "cvRound",
+            "detach",
+            "double",
+            "fabs",
+            "fix",
+            "float",
+            "float16",
+            "float32",
+            "float64",
+            "floor",
+            "half",
+            "int",
+            "int16",
+            "int32",
+            "int64",
+            "int8",
+            "int_",
+            "item",
+            "lfloor",
+            "list",
+            "llround",
+            "long",
+            "lrint",
+            "lround",
+            "max",
+            "min",
+            "mean",
+            "nan_to_num",
+            "numpy",
+            "ravel",
+            "real",
+            "rint",
+            "round",
+            "round_",
+            "size_t",
+            "squeeze",
+            "static_cast",
+            "t",
+            "tensor",
+            "to",
+            "tolist",
+            "trunc",
+            "tuple",
+            "type",
+            "uint16",
+            "uint32",
+            "uint64",
+            "unsigned",
+            "view",
+            "int64_t",
+            "int32_t",
+            "uint32_t",
+            "uint64_t",
+            "float_t",
+            "unsqueeze",
+            "flatten",
+        ],
+        "same",
+    ),
+}
+
+# Functions of two arguments, written f(x, y) or x.f(y).
+BINARY: dict[str, str] = {
+    **dict.fromkeys(
+        ("pow", "power", "powf", "powi", "powl", "float_power", "Pow", "ipow", "npow"), "pow"
+    ),
+    **dict.fromkeys(("divide", "true_divide", "div", "fdiv", "truediv"), "div"),
+    **dict.fromkeys(("floor_divide", "floordiv"), "floordiv"),
+    **dict.fromkeys(("multiply", "mul"), "mul"),
+    **dict.fromkeys(("subtract", "sub"), "sub"),
+    "add": "add",
+    **dict.fromkeys(
+        ("comb", "binom", "binomial", "nchoosek", "nCr", "ncr", "choose", "Binomial", "n_choose_k"),
+        "comb",
+    ),
+    **dict.fromkeys(("perm", "nPr", "npr", "falling_factorial", "poch"), "comb"),
+}
+
+# Bounds on a value: clip(x, low, high), x.clamp(min=low), max(x, low).
+CLAMPS = frozenset(
+    [
+        "amax",
+        "amin",
+        "clamp",
+        "clamp_",
+        "clamp_max",
+        "clamp_min",
+        "clip",
+        "clip_by_value",
+        "fmax",
+        "fmaxf",
+        "fmin",
+        "fminf",
+        "max",
+        "maximum",
+        "min",
+        "minimum",
+        "Max",
+        "Min",
+    ]
+)
+
+PRODUCTS = frozenset(("prod", "product", "cumprod"))
+SUMS = frozenset(("sum", "fsum", "nansum"))
+RANGES = frozenset(("arange", "range", "xrange", "trange", "iota"))
+SELECTS = frozenset(("where", "select", "ifelse"))
+ONES = frozenset(("ones", "ones_like", "new_ones"))
+ZEROS = frozenset(("zeros", "zeros_like", "new_zeros"))
+FULLS = frozenset(("full", "full_like"))
+COUNTS = frozenset(
+    [
+        "len",
+        "sum",
+        "count_nonzero",
+        "countNonZero",
+        "size",
+        "count",
+        "nnz",
+        "numel",
+        "shape",
+        "rows",
+        "cols",
+        "total",
+        "length",
+        "n_elements",
+        "nonzero",
+    ]
+)
+
+# Modules under the names people give them, for code that does not show its import (notebooks).
+MODULES = frozenset(
+    [
+        "np",
+        "numpy",
+        "math",
+        "cmath",
+        "torch",
+        "tf",
+        "jnp",
+        "jax",
+        "cp",
+        "cupy",
+        "scipy",
+        "sp",
+        "special",
+        "stats",
+        "mpmath",
+        "sympy",
+        "np.random",
+        "std",
+        "cv",
+        "cv2",
+        "Math",
+        "tensorflow",
+        "numpy.random",
+        "K",
+        "keras",
+        "onp",
+        "mx",
+        "nd",
+        "xp",
+        "random",
+        "tf.math",
+        "scipy.special",
+        "scipy.stats",
+        "functools",
+        "operator",
+        "itertools",
+    ]
+)

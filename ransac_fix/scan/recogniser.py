@@ -1,0 +1,174 @@
+"""The recogniser: which of the candidates is a stopping rule, and which probability it assumes.
+
+There is one recogniser for all languages. It reads only resolved expressions, so that a rule is
+what its algebra says, however it is spelled.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from ransac_fix.scan import algebra
+from ransac_fix.scan.algebra import Probability
+from ransac_fix.scan.evaluate import Candidate
+from ransac_fix.scan.form import Expr, Fn, Function, Num, Op, Span
+
+_WAYS = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Site:
+    """A place where a stopping rule stands.
+
+    Attributes
+    ----------
+    form : {"quotient", "test"}
+        ``log(1-s) / log(1-P)``, or a comparison that is the same rule solved otherwise, such as
+        ``1 - (1-P)**N > s``.
+    probability : Probability
+        The P that it assumes: approximate, exact or with replacement.
+    span : Span
+        Where it stands.
+    used : Span
+        Where its value is used: the same place, but for a comparison of a name.
+    confidence : Expr or None
+        The s of the rule, or 1-s where that is what the source has.
+    function : Function or None
+        The function it stands in.
+    seen : tuple of Candidate
+        Each way it was reached: by itself, and through the calls of its function.
+    """
+
+    form: str
+    probability: Probability
+    span: Span
+    used: Span
+    confidence: Expr | None
+    trials: Expr | None
+    function: Function | None
+    seen: tuple[Candidate, ...]
+
+
+def recognise(candidates: Sequence[Candidate]) -> list[Site]:
+    """Find the rules among the candidates of one file, exact ones too, in order of place."""
+    seen: dict[tuple[Span, str], list[Candidate]] = {}
+    for candidate in candidates:
+        span = candidate.expr.span
+        if span is not None:
+            seen.setdefault((span, candidate.kind), []).append(candidate)
+    sites: list[Site] = []
+    for (span, kind), group in seen.items():
+        # A function read by itself says most of itself; its callers say what its parameters are.
+        for candidate in sorted(group, key=lambda one: one.call is not None):
+            read = _quotient(candidate) if kind == "quotient" else _test(candidate)
+            if read is not None:
+                own = next((one.function for one in group if one.call is None), None)
+                sites.append(
+                    Site(
+                        kind,
+                        read.probability,
+                        _place(span, read.formula),
+                        span,
+                        read.confidence,
+                        read.trials,
+                        own or candidate.function,
+                        tuple(group),
+                    )
+                )
+                break
+    return _without_repeats(sites)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reading:
+    probability: Probability
+    confidence: Expr | None
+    trials: Expr | None = None
+    formula: Expr | None = None
+
+
+def _place(span: Span, formula: Expr | None) -> Span:
+    """Give the place of the formula: not that of a test which only names its value."""
+    own = algebra.plain(formula).span if formula is not None else None
+    return span if own is None or _inside(own, span) else own
+
+
+def _quotient(candidate: Candidate) -> _Reading | None:
+    best: _Reading | None = None
+    for quotient in islice(algebra.quotients(candidate.expr), _WAYS):
+        for argument in islice(algebra.log_arguments(quotient.bottom), _WAYS):
+            for assumed in islice(algebra.complement(argument), _WAYS):
+                probability = algebra.classify(assumed)
+                if probability is None:
+                    continue
+                reading = _Reading(probability, _confidence(quotient.top))
+                if probability.kind == "approximate":
+                    return reading
+                best = best or reading
+    return best
+
+
+def _confidence(top: Expr) -> Expr | None:
+    """Read s out of log(1-s)."""
+    for argument in islice(algebra.log_arguments(top), _WAYS):
+        match algebra.plain(argument):
+            case Op(op="sub", args=(one, s)) if algebra.number(one) == 1.0:
+                return s  # even where both are numbers
+        return next(algebra.complement(argument), argument)
+    return None
+
+
+def _test(candidate: Candidate) -> _Reading | None:
+    assert isinstance(candidate.expr, Op)
+    left, right = candidate.expr.args
+    best: _Reading | None = None
+    for side, other in ((left, right), (right, left)):
+        for assumed, trials in _failure_powers(side, other):
+            probability = algebra.classify(assumed)
+            if probability is None:
+                continue
+            confidence = next(algebra.complement(other), other)
+            reading = _Reading(probability, confidence, trials, side)
+            if probability.kind == "approximate":
+                return reading
+            best = best or reading
+    return best
+
+
+def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr]]:
+    """Yield (P, N) for a side that reads (1-P)**N, 1 - (1-P)**N or N*log(1-P)."""
+    for reading in (side, *islice(algebra.complement(side), _WAYS)):
+        for monomial in islice(algebra.monomials(reading), _WAYS):
+            for power in monomial.powers:
+                if power.symbol is None or len(monomial.powers) != 1:
+                    continue
+                for assumed in islice(algebra.complement(power.base), _WAYS):
+                    yield assumed, power.symbol
+    if not any(True for _ in algebra.log_arguments(other)):
+        return
+    for reading in islice(algebra.readings(side), _WAYS):
+        if not (isinstance(reading, Op) and reading.op == "mul"):
+            continue
+        for log, trials in (reading.args, reading.args[::-1]):
+            if isinstance(algebra.plain(trials), Fn | Num):
+                continue
+            for argument in islice(algebra.log_arguments(log), _WAYS):
+                for assumed in islice(algebra.complement(argument), _WAYS):
+                    yield assumed, trials
+
+
+def _without_repeats(sites: list[Site]) -> list[Site]:
+    """Keep the inner one where one stands inside another: ``log(a)/log(b)`` in ``.../2``."""
+    sites = sorted(sites, key=lambda site: site.span)
+    return [
+        site
+        for site in sites
+        if not any(other.span != site.span and _inside(other.span, site.span) for other in sites)
+    ]
+
+
+def _inside(inner: Span, outer: Span) -> bool:
+    return (inner.line, inner.column) >= (outer.line, outer.column) and (
+        inner.end_line,
+        inner.end_column,
+    ) <= (outer.end_line, outer.end_column)

@@ -1,0 +1,118 @@
+"""Make source that is almost Python 3 parse: IPython magics and Python 2 statements.
+
+Only what keeps every other token on its line and column is changed, so that places found in the
+repaired text are places of the original. What cannot be repaired stays as it is.
+"""
+
+import ast
+import re
+import warnings
+from typing import TYPE_CHECKING
+
+from ransac_fix.scan.python import split_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_MAGIC = re.compile(r"^(\s*)([%!?]|\?\?).*$")
+_ASSIGNED_MAGIC = re.compile(r"^(\s*[\w., ]+=\s*)[%!].*$")
+_HELP = re.compile(r"^(\s*)[\w.]+\?{1,2}\s*$")
+_PRINT = re.compile(r"^(\s*(?:[^#'\"]*[:;]\s*)?)print(?=\s|$|['\"])(?!\s*[(=])(.*)$")
+_PRINT_PARENTHESES = re.compile(r"^(\s*(?:[^#'\"]*[:;]\s*)?)print(\s*\(.*\)\s*(?:%|,).*)$")
+_EXEC = re.compile(r"^(\s*)exec(?=\s)(.*)$")
+_EXCEPT = re.compile(r"^(\s*except\s+[\w.()\s,]+?)\s*,\s*(\w+)\s*:")
+_RAISE = re.compile(r"^(\s*)raise(\s+[\w.]+\s*,.*)$")
+_NUMBER = re.compile(r"\b(\d+|0[xX][0-9a-fA-F]+)[lL]\b")
+_OCTAL = re.compile(r"(?<![\w.])0([0-7]+)(?![\w.])")
+_UNICODE_RAW = re.compile(r"\b[uU][rR](?=['\"])")
+_ATTEMPTS = 30
+
+
+def repair(source: str) -> str | None:
+    """Repair a module that ``ast`` does not read.
+
+    Parameters
+    ----------
+    source : str
+        Text with a syntax error for Python 3.
+
+    Returns
+    -------
+    str or None
+        Text with the same lines that does parse, or None.
+    """
+    lines = [_magic(line) for line in split_lines(source)]
+    if _error_line(lines) is None:
+        return "\n".join(lines)
+    lines = [_expand(_python2(line)) for line in lines]
+    for _ in range(_ATTEMPTS):
+        number = _error_line(lines)
+        if number is None:
+            return "\n".join(lines)
+        if not 0 < number <= len(lines):
+            return None
+        line = lines[number - 1]
+        changed = _odd(line)
+        if changed == line:
+            return None
+        lines[number - 1] = changed
+    return None
+
+
+def _error_line(lines: list[str]) -> int | None:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            ast.parse("\n".join(lines))
+    except SyntaxError as error:
+        return error.lineno or 0
+    except (ValueError, RecursionError, MemoryError):
+        return 0
+    return None
+
+
+def _magic(line: str) -> str:
+    """Put ``pass`` in place of what IPython reads itself."""
+    for pattern in (_MAGIC, _HELP):
+        found = pattern.match(line)
+        if found:
+            return f"{found[1]}pass"
+    found = _ASSIGNED_MAGIC.match(line)
+    return f"{found[1]}None" if found else line
+
+
+def _python2(line: str) -> str:
+    """Write the statements that Python 3 dropped as assignments, in as many characters."""
+    for pattern, word in ((_PRINT, "_   ="), (_PRINT_PARENTHESES, "_   ="), (_EXEC, "_  =")):
+        found = pattern.match(line)
+        if found:
+            rest = found[2].replace(">>", "  ", 1)
+            if not rest.strip():
+                return f"{found[1]}pass"
+            return f"{found[1]}{word}{rest}"
+    return line
+
+
+def _odd(line: str) -> str:
+    """Repair one line that is known to be wrong."""
+    steps: tuple[Callable[[str], str], ...] = (
+        lambda text: _EXCEPT.sub(r"\1 as \2:", text),
+        lambda text: _RAISE.sub(r"\1_    =\2", text),
+        lambda text: _NUMBER.sub(lambda found: f"{found[1]} ", text),
+        lambda text: _OCTAL.sub(lambda found: f" {found[1]}", text),
+        lambda text: _UNICODE_RAW.sub(" r", text),
+        lambda text: text.replace("<>", "!="),
+        lambda text: re.sub(r"`[^`]*`", lambda found: f"({found[0][1:-1]})", text),
+    )
+    for step in steps:
+        changed = step(line)
+        if changed != line:
+            return changed
+    return line
+
+
+def _expand(line: str) -> str:
+    """Write leading tabs as Python 2 counted them, to the next multiple of eight."""
+    body = line.lstrip(" \t")
+    lead = line[: len(line) - len(body)]
+    return lead.expandtabs(8) + body if "\t" in lead and " " in lead else line

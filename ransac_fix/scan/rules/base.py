@@ -1,0 +1,121 @@
+"""What a rule is: one file with its code, name, message, examples and pages.
+
+A rule is a class in a file of its own in this folder. Its docstring is its page of the
+documentation, its examples are its tests, and its attributes are what reports and SARIF say of
+it; a rule without them cannot be loaded.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ransac_fix.scan.findings import Certainty, Finding, Location, Related
+from ransac_fix.scan.form import Module, Span
+from ransac_fix.scan.reading import ReadSite, Text
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScannedFile:
+    """One file as rules see it.
+
+    Attributes
+    ----------
+    path : str
+    text : Text
+    module : Module
+        The small form of the file.
+    sites : tuple of ReadSite
+        Every stopping rule of the file, exact ones too.
+    """
+
+    path: str
+    text: Text
+    module: Module
+    sites: tuple[ReadSite, ...]
+
+    def location(self, span: Span) -> Location:
+        """Give a span as a location of this file."""
+        return Location(self.path, span.line, span.column + 1, span.end_line, span.end_column + 1)
+
+
+class Rule(ABC):
+    """One rule. The docstring of a subclass is its page."""
+
+    code: ClassVar[str]
+    """Its code, such as ``RFX001``."""
+
+    name: ClassVar[str]
+    """Its name, read as "allow <name>"."""
+
+    summary: ClassVar[str]
+    """What it finds, in one line."""
+
+    valid: ClassVar[Mapping[str, str]]
+    """Code that it must leave alone, each under a sentence that says why."""
+
+    invalid: ClassVar[Mapping[str, str]]
+    """Code that it must find, each under a sentence that says what is special about it."""
+
+    @abstractmethod
+    def check(self, file: ScannedFile) -> Iterator[Finding]:
+        """Find the places of a file where the rule is broken."""
+
+
+class SiteRule(Rule):
+    """A rule about sites: places that compute or test a number of trials."""
+
+    @abstractmethod
+    def applies(self, read: ReadSite) -> bool:
+        """Whether a site with an approximate probability breaks this rule."""
+
+    @abstractmethod
+    def message(self, read: ReadSite) -> str:
+        """Say what is wrong at a site, in one line."""
+
+    def check(self, file: ScannedFile) -> Iterator[Finding]:
+        """Find the sites that this rule is about."""
+        for read in file.sites:
+            certainty = read.certainty
+            if certainty is None or read.site.probability.kind != "approximate":
+                continue
+            if self.applies(read):
+                yield Finding(
+                    self.code,
+                    file.location(read.site.span),
+                    self.certainty(read, certainty),
+                    self.message(read),
+                    dict(read.roles),
+                    " ".join(read.expression.split()),
+                    tuple(self.related(read, file)),
+                )
+
+    def certainty(self, read: ReadSite, certainty: Certainty) -> Certainty:
+        """Adjust how sure a site is to be one, for this rule."""
+        del read
+        return certainty
+
+    def related(self, read: ReadSite, file: ScannedFile) -> Iterator[Related]:
+        """Give the other places that belong to a site."""
+        if read.site.used != read.site.span:
+            yield Related(file.location(read.site.used), "the loop tests it here")
+
+
+def power_of(read: ReadSite) -> str:
+    """Spell the power of a site: ``w**k`` in its own names."""
+    ratio = read.roles.get("inlier_ratio", "w")
+    size = read.roles.get("sample_size", "k")
+    return f"{_grouped(ratio)}**{_grouped(size)}"
+
+
+def product_of(read: ReadSite) -> str:
+    """Spell the exact probability of a site in its own names, as binomial coefficients."""
+    size = read.roles.get("sample_size", "k")
+    inliers = read.roles.get("n_inliers", "I")
+    samples = read.roles.get("n_samples", "n")
+    return f"C({inliers}, {size}) / C({samples}, {size})"
+
+
+def _grouped(text: str) -> str:
+    plain = text.replace("_", "").replace(".", "").replace("self", "")
+    return text if plain.isalnum() else f"({text})"

@@ -1,0 +1,252 @@
+"""How a file draws its minimal samples: with or without replacement.
+
+A rule is right only for the sampler it stands beside. The calls that draw are read from the small
+form by name and arguments; a call that draws one index at a time repeats itself unless something
+near it checks for that.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from ransac_fix.scan.form import (
+    Assign,
+    Call,
+    Choice,
+    Class,
+    Each,
+    Evaluate,
+    Expr,
+    Function,
+    If,
+    Item,
+    Lambda,
+    Leave,
+    Loop,
+    Module,
+    Name,
+    Num,
+    Op,
+    Ref,
+    Seq,
+    Span,
+    Stmt,
+    Unknown,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """A call that draws indices.
+
+    Attributes
+    ----------
+    law : {"distinct", "replacement", "weighted", "single"}
+        ``single``: one index at a time, so with replacement unless checked.
+    span : Span
+    function : Function or None
+        Where it stands.
+    loops : int
+        How many loops, comprehensions included, it stands in.
+    """
+
+    law: str
+    span: Span
+    function: Function | None
+    loops: int
+
+
+_DISTINCT = frozenset(
+    [
+        "permutation",
+        "permuted",
+        "shuffle",
+        "randperm",
+        "sample_without_replacement",
+        "random_shuffle",
+        "combinations",
+    ]
+)
+_SINGLE = frozenset(["randrange", "irand", "rand_int"])
+_CHECKS = frozenset(["unique", "set", "unique_consecutive", "isin", "in1d", "duplicated"])
+
+
+def draws(module: Module) -> list[Draw]:
+    """Find the calls of a file that draw indices, single draws settled by what checks them."""
+    found: list[Draw] = []
+    checked: set[int | None] = set()
+    for expr, function, loops in _expressions(module.body, None, 0):
+        if isinstance(expr, Call):
+            if expr.name in _CHECKS:
+                checked.add(_key(function))
+            law = _law(expr)
+            if law is not None and expr.span is not None:
+                found.append(Draw(law, expr.span, function, loops))
+        elif isinstance(expr, Op) and expr.op == "in" and loops:
+            checked.add(_key(function))
+    return [_settled(draw, _key(draw.function) in checked) for draw in found]
+
+
+def law_for(
+    all_draws: Iterable[Draw], functions: Iterable[Function | None], owner: str | None
+) -> tuple[str, Draw | None]:
+    """Say how the samples of a rule are drawn, and where, from the draws nearest to it.
+
+    Parameters
+    ----------
+    all_draws : iterable of Draw
+    functions : iterable of Function or None
+        The function of the rule and those that call it, nearest first.
+    owner : str or None
+        The class of the rule.
+
+    Returns
+    -------
+    law : {"distinct", "replacement", "weighted", "unknown"}
+    draw : Draw or None
+    """
+    known = list(all_draws)
+    near = [[draw for draw in known if draw.function is function] for function in functions]
+    near.append(
+        [draw for draw in known if owner and draw.function and draw.function.owner == owner]
+    )
+    near.append(known)
+    for group in near:
+        # The sample is drawn in a loop; what is drawn once is data or a shuffle of it.
+        looped = [draw for draw in group if draw.loops] or group
+        laws = {draw.law for draw in looped}
+        if len(laws) == 1:
+            return looped[0].law, looped[0]
+        if laws:
+            return "unknown", None
+    return "unknown", None
+
+
+def _settled(draw: Draw, checked: bool) -> Draw:
+    if draw.law == "single" or (draw.law == "replacement" and checked):
+        law = "distinct" if checked else "replacement"
+        return Draw(law, draw.span, draw.function, draw.loops)
+    return draw
+
+
+def _key(function: Function | None) -> int | None:
+    return None if function is None else id(function)
+
+
+def _law(call: Call) -> str | None:
+    keywords = dict(call.keywords)
+    base = call.base.name if isinstance(call.base, Name) else ""
+    if call.name in _DISTINCT:
+        return "distinct"
+    if call.name == "sample":
+        # random.sample(population, k), DataFrame.sample(n), rng.sample
+        if "replace" in keywords:
+            return _by_replace(keywords["replace"])
+        return "distinct" if call.args or "n" in keywords or "k" in keywords else None
+    if call.name == "choices":
+        return "weighted" if "weights" in keywords or len(call.args) > 1 else "replacement"
+    if call.name == "choice":
+        if "p" in keywords or len(call.args) > 3:
+            return "weighted"
+        if "replace" in keywords:
+            return _by_replace(keywords["replace"])
+        if len(call.args) > 2:
+            return _by_replace(call.args[2])
+        return "replacement" if "size" in keywords or len(call.args) > 1 else "single"
+    if call.name in ("randint", "integers", "random_integers"):
+        several = "size" in keywords or len(call.args) > 2
+        if base.rpartition(".")[2] == "torch":
+            several = True
+        return "replacement" if several else "single"
+    if call.name in _SINGLE:
+        return "single"
+    if call.name == "random_":
+        return "replacement"
+    if call.name in ("topk", "argsort") and _draws_noise(call.args[:1]):
+        return "distinct"
+    return None
+
+
+def _by_replace(value: Expr) -> str:
+    if isinstance(value, Name) and value.name == "False":
+        return "distinct"
+    if isinstance(value, Num) and value.value == 0:
+        return "distinct"
+    return "replacement"
+
+
+def _draws_noise(args: tuple[Expr, ...]) -> bool:
+    for expr in args:
+        for inner in _inside(expr):
+            if isinstance(inner, Call) and inner.name in ("rand", "random", "rand_like"):
+                return True
+    return False
+
+
+def _expressions(
+    body: tuple[Stmt, ...], function: Function | None, loops: int
+) -> Iterator[tuple[Expr, Function | None, int]]:
+    for stmt in body:
+        match stmt:
+            case Assign(value=value) | Evaluate(value=value):
+                yield from _nested(value, function, loops)
+            case Leave(value=value) if value is not None:
+                yield from _nested(value, function, loops)
+            case If():
+                yield from _nested(stmt.test, function, loops)
+                yield from _expressions(stmt.body, function, loops)
+                yield from _expressions(stmt.orelse, function, loops)
+            case Loop():
+                if stmt.source is not None:
+                    yield from _nested(stmt.source, function, loops)
+                if stmt.test is not None:
+                    yield from _nested(stmt.test, function, loops + 1)
+                yield from _expressions(stmt.body, function, loops + 1)
+            case Function():
+                yield from _expressions(stmt.body, stmt, 0)
+            case Class():
+                yield from _expressions(stmt.body, None, 0)
+            case _:
+                pass
+
+
+def _nested(
+    expr: Expr, function: Function | None, loops: int
+) -> Iterator[tuple[Expr, Function | None, int]]:
+    yield expr, function, loops
+    deeper = loops + 1 if isinstance(expr, Each) else loops
+    for child in _children(expr):
+        yield from _nested(child, function, deeper)
+
+
+def _inside(expr: Expr) -> Iterator[Expr]:
+    yield expr
+    for child in _children(expr):
+        yield from _inside(child)
+
+
+def _children(expr: Expr) -> tuple[Expr, ...]:
+    match expr:
+        case Call():
+            values = tuple(value for _, value in expr.keywords)
+            return (*((expr.base,) if expr.base is not None else ()), *expr.args, *values)
+        case Op(args=args):
+            return args
+        case Choice(options=options):
+            return options
+        case Ref(value=value):
+            return (value,)
+        case Each(body=inner, source=source):
+            return (inner, source)
+        case Seq(items=items):
+            return items
+        case Item(base=base, index=index):
+            return (base, index)
+        case Unknown(parts=parts):
+            return parts
+        case Lambda(function=function):
+            return tuple(
+                stmt.value
+                for stmt in function.body
+                if isinstance(stmt, Leave) and stmt.value is not None
+            )
+    return ()

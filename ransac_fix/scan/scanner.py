@@ -1,0 +1,201 @@
+"""From one file to its findings: gate, parse, recognise, rules, positions.
+
+Nothing that is scanned is ever imported or run.
+"""
+
+import os
+import tokenize
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from ransac_fix.scan import evaluate, python, triage, words
+from ransac_fix.scan.files import SourceFile
+from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
+from ransac_fix.scan.form import Module
+from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
+from ransac_fix.scan.reading import ReadSite, Text, read_sites
+from ransac_fix.scan.recogniser import recognise
+from ransac_fix.scan.repair import repair
+from ransac_fix.scan.rules import Rule, ScannedFile, all_rules
+
+_MAX_BYTES = 20_000_000
+
+FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
+
+
+def may_hold_a_rule(data: bytes) -> bool:
+    """Whether a file's bytes could hold a stopping rule at all."""
+    # No rule does without a logarithm, or a power of a complement of a power. The gates lose
+    # nothing: tests run with and without them over real trees and compare.
+    logarithms = b"log" in data or b"Log" in data or b"ln(" in data
+    return (logarithms or data.count(b"**") + data.count(b"pow") > 1) and words.in_bytes(data)
+
+
+def scan_file(
+    file: SourceFile, rules: Sequence[Rule] | None = None, *, gate: bool = True
+) -> FileOutcome:
+    """Scan one file.
+
+    Parameters
+    ----------
+    file : SourceFile
+    rules : sequence of Rule, optional
+        The rules to check; all by default.
+    gate : bool
+        Whether files and definitions are set aside by their text alone.
+
+    Returns
+    -------
+    findings, errors
+    """
+    try:
+        with open(file.path, "rb") as stream:  # noqa: PTH123 -- ten thousand times a scan
+            data = stream.read(_MAX_BYTES + 1)
+    except OSError as error:
+        return (), (_error(file, f"cannot be read: {error.strerror or error}"),)
+    if gate and not file.named and not may_hold_a_rule(os.fsencode(file.path) + b"\n" + data):
+        return (), ()
+    if len(data) > _MAX_BYTES:
+        return (), (_error(file, f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"),)
+    try:
+        source = decode(data)
+    except (SyntaxError, UnicodeDecodeError, LookupError) as error:
+        return (), (_error(file, f"cannot be decoded: {error}"),)
+    return scan_source(source, file, rules, gate=gate)
+
+
+def scan_source(
+    source: str, file: SourceFile, rules: Sequence[Rule] | None = None, *, gate: bool = True
+) -> FileOutcome:
+    """Scan text that is already in hand; ``file`` says what it is."""
+    try:
+        if file.language == "notebook":
+            return _scan_notebook(source, file, rules)
+        return _scan_python(source, file, rules, gate=gate)
+    except RecursionError:
+        return (), (_error(file, "nested too deeply"),)
+    except MemoryError:
+        return (), (_error(file, "too complex: out of memory"),)
+    except evaluate.TooComplex:
+        return (), (_error(file, "too complex: more expressions than code written by hand has"),)
+
+
+def decode(data: bytes) -> str:
+    """Decode Python source as Python does: by its byte order mark, its coding line, or UTF-8.
+
+    Raises
+    ------
+    SyntaxError, UnicodeDecodeError, LookupError
+        The bytes are not text in the encoding that the file declares.
+    """
+    lines = iter(data.split(b"\n", 2)[:2])
+    encoding, _ = tokenize.detect_encoding(lambda: next(lines, b""))
+    return data.decode(encoding)
+
+
+def _scan_python(
+    source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
+) -> FileOutcome:
+    if gate and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source)):
+        return (), ()
+    repaired = False
+    try:
+        tree = python.tree(source)
+    except SyntaxError as error:
+        text = repair(source)
+        if text is None:
+            message = f"not Python that can be read: {error.msg}"
+            return (), (_error(file, message, error.lineno),)
+        source, repaired = text, True
+        tree = python.tree(source)
+    except ValueError as error:
+        return (), (_error(file, f"not Python that can be read: {error}"),)
+    bodies = triage.relevant(tree, source) if gate else None
+    if gate and bodies is None:
+        return (), ()
+    module = python.read(tree, source, bodies)
+    findings = check(module, Text(source), file.path, rules)
+    if findings and not repaired:
+        return _confirmed(source, file, findings)
+    return tuple(findings), ()
+
+
+def check(
+    module: Module, text: Text, path: str, rules: Sequence[Rule] | None = None
+) -> list[Finding]:
+    """Check one module in the small form."""
+    sites = read(module, text, path)
+    scanned = ScannedFile(path, text, module, tuple(sites))
+    found = [
+        finding
+        for rule in (all_rules() if rules is None else rules)
+        for finding in rule.check(scanned)
+    ]
+    return sorted(found, key=_order)
+
+
+def read(module: Module, text: Text, path: str) -> list[ReadSite]:
+    """Find and read every stopping rule of a module, exact ones too."""
+    return read_sites(recognise(evaluate.candidates(module)), module, text, path)
+
+
+def _order(finding: Finding) -> tuple[str, int, int, str]:
+    place = finding.location
+    return place.path, place.start_line, place.start_column, finding.code
+
+
+def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> FileOutcome:
+    """Keep the findings whose place libcst sees too."""
+    import libcst as cst
+
+    from ransac_fix.scan.form import Span
+    from ransac_fix.scan.positions import confirm
+
+    def span(finding: Finding) -> Span:
+        place = finding.location
+        return Span(place.start_line, place.start_column - 1, place.end_line, place.end_column - 1)
+
+    try:
+        nodes = confirm(source, [span(finding) for finding in findings])
+    except (cst.ParserSyntaxError, RecursionError):
+        # libcst is behind the interpreter's grammar: what ast read stands.
+        return tuple(findings), ()
+    kept = tuple(finding for finding in findings if span(finding) in nodes)
+    errors = tuple(
+        _error(file, "two parsers disagree about this line", finding.location.start_line)
+        for finding in findings
+        if span(finding) not in nodes
+    )
+    return kept, errors
+
+
+def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule] | None) -> FileOutcome:
+    try:
+        notebook = read_notebook(source)
+    except NotANotebook as error:
+        return (), (_error(file, str(error)),)
+    errors = tuple(
+        _error(file, f"code cell {number} cannot be read: {why}") for number, why in notebook.unread
+    )
+    module = python.parse(notebook.source)
+    findings = check(module, Text(notebook.source), file.path, rules)
+    return tuple(_in_notebook(finding, notebook) for finding in findings), errors
+
+
+def _in_notebook(finding: Finding, notebook: Notebook) -> Finding:
+    def place(location: Location) -> Location:
+        start = notebook.lines[location.start_line - 1]
+        end = notebook.lines[location.end_line - 1]
+        return replace(
+            location,
+            start_line=start.json_line,
+            end_line=end.json_line,
+            cell=Cell(start.cell, start.line),
+        )
+
+    related = tuple(Related(place(one.location), one.message) for one in finding.related)
+    return replace(finding, location=place(finding.location), related=related)
+
+
+def _error(file: SourceFile, message: str, line: int | None = None) -> ScanError:
+    return ScanError(file.path, message, line, named=file.named)

@@ -1,0 +1,184 @@
+"""Which definitions of a Python file could take part in a stopping rule.
+
+Turning source into the small form and following its definitions costs far more than searching it,
+and most files with a logarithm and the word "outlier" hold no rule. So a body is only read when it
+could: it divides and takes logarithms, or raises powers to powers, or it calls, is called by or
+shares attributes with one that does. The rest of the file keeps its names and loses its bodies.
+"""
+
+import ast
+import re
+from functools import cached_property
+from typing import TypeAlias
+
+from ransac_fix.scan.python import split_lines
+
+Definition: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef
+
+_LOG = r"(?:[lL]og(?:2|10|1p|[fl])?|ln)"
+_LOG_CALL = re.compile(rf"(?<![A-Za-z]){_LOG}\s*\(")
+_LOG_ALIAS = re.compile(
+    rf"(?<![A-Za-z]){_LOG}\s+as\s+(\w+)|(\w+)\s*=\s*[\w.]*\b{_LOG}[ \t]*(?:$|#)",
+    re.MULTILINE,
+)
+_LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
+_POWER = re.compile(r"\*\*|[pP]ow|square|prod\b|\bexp")
+_DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
+_COMPARE = re.compile(r"[<>]")
+_CALL = re.compile(r"(\w+)\s*\(")
+_READ = re.compile(r"\b(?:self|cls)\.(\w+)")
+_WRITTEN = re.compile(r"\b(?:self|cls)\.(\w+)\s*(?::[^=\n]+)?(?:[-+*/]|\*\*|//)?=(?!=)")
+_WORD = re.compile(r"\w+")
+_CALLERS = 3
+
+
+class _Body:
+    """A definition, or the statements outside of any, and what its text says of it."""
+
+    def __init__(self, node: Definition | None, text: str, aliases: set[str]) -> None:
+        self.node = node
+        self.text = text
+        self.logs = bool(_LOG_CALL.search(text))
+        if not self.logs and aliases:
+            self.logs = not aliases.isdisjoint(self.calls)
+        self.powers = len(_POWER.findall(text))
+
+    @cached_property
+    def calls(self) -> set[str]:
+        return set(_CALL.findall(self.text))
+
+    @cached_property
+    def divides(self) -> bool:
+        return bool(_DIVIDE.search(self.text))
+
+    @cached_property
+    def compares(self) -> bool:
+        return bool(_COMPARE.search(self.text))
+
+    @cached_property
+    def reads(self) -> set[str]:
+        return set(_READ.findall(self.text)) if "self." in self.text else set()
+
+    @cached_property
+    def writes(self) -> set[str]:
+        return set(_WRITTEN.findall(self.text)) if "self." in self.text else set()
+
+
+def relevant(tree: ast.Module, source: str) -> set[int] | None:
+    """Choose the definitions to read.
+
+    Parameters
+    ----------
+    tree : ast.Module
+    source : str
+        The text that ``tree`` was parsed from.
+
+    Returns
+    -------
+    set of int or None
+        ``id`` of the function definitions whose bodies count; None when nothing in the file can
+        be a rule.
+    """
+    lines = split_lines(source)
+    aliases = {name for pair in _LOG_ALIAS.findall(source) for name in pair if name}
+    bodies: dict[str, list[_Body]] = {}
+    top = list(lines)
+    for node in _definitions(tree.body):
+        start, end = node.lineno - 1, node.end_lineno or node.lineno
+        body = _Body(node, "\n".join(lines[start:end]), aliases)
+        bodies.setdefault(node.name, []).append(body)
+        top[start:end] = [""] * (end - start)
+    module = _Body(None, "\n".join(top), aliases)
+    every = [body for same in bodies.values() for body in same]
+    logging = [body for body in (module, *every) if body.logs]
+    if not logging and sum(body.powers for body in (module, *every)) < 2:
+        return None
+    holds_log = _holders(logging)
+    chosen: dict[int, _Body] = {
+        id(body.node): body for body in every if _is_seed(body, bodies, holds_log)
+    }
+    if not chosen and not _is_seed(module, bodies, holds_log):
+        return None
+    _with_callers(chosen, every)
+    _with_what_they_use(chosen, every, bodies, module)
+    return set(chosen)
+
+
+def could_hold_a_rule(source: str) -> bool:
+    """Whether a file's text could hold one at all; asked before it is parsed."""
+    return bool(_LOG_CALL.search(source) or _LOG_ALIAS.search(source)) or (
+        len(_POWER.findall(source)) > 1
+    )
+
+
+def _holders(logging: list[_Body]) -> re.Pattern[str] | None:
+    """Match the names that hold a logarithm for others: functions, attributes, module names."""
+    names: set[str] = set()
+    for body in logging:
+        if body.node is not None:
+            names.add(body.node.name)
+            names |= {name for name in _LOG_HOLDER.findall(body.text) if name in body.writes}
+        else:
+            names |= set(_LOG_HOLDER.findall(body.text))
+    return re.compile(rf"\b(?:{'|'.join(map(re.escape, sorted(names)))})\b") if names else None
+
+
+def _definitions(body: list[ast.stmt]) -> list[Definition]:
+    """Collect functions and methods; what is defined inside one belongs to it."""
+    found: list[Definition] = []
+    for node in body:
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef():
+                found.append(node)
+            case ast.ClassDef():
+                found += _definitions(node.body)
+            case ast.If() | ast.Try() | ast.TryStar() | ast.With() | ast.For() | ast.While():
+                for name in ("body", "orelse", "finalbody"):
+                    found += _definitions(getattr(node, name, []))
+                for handler in getattr(node, "handlers", []):
+                    found += _definitions(handler.body)
+            case _:
+                pass
+    return found
+
+
+def _is_seed(
+    body: _Body, bodies: dict[str, list[_Body]], holds_log: re.Pattern[str] | None
+) -> bool:
+    """Whether a body divides or compares logarithms, or compares powers of powers."""
+    if body.logs or (holds_log is not None and holds_log.search(body.text)):
+        return body.divides or body.compares
+    if not body.powers or not body.compares:
+        return False
+    if body.powers > 1:
+        return True
+    return any(one.powers for name in body.calls & bodies.keys() for one in bodies[name])
+
+
+def _with_callers(chosen: dict[int, _Body], every: list[_Body]) -> None:
+    """Add what calls a chosen function: it says what the parameters are, and in which loop."""
+    for _ in range(_CALLERS):
+        names = {body.node.name for body in chosen.values() if body.node is not None}
+        new = [body for body in every if id(body.node) not in chosen and body.calls & names]
+        if not new:
+            return
+        chosen.update((id(body.node), body) for body in new)
+
+
+def _with_what_they_use(
+    chosen: dict[int, _Body], every: list[_Body], bodies: dict[str, list[_Body]], module: _Body
+) -> None:
+    """Add what chosen functions call, and what sets the attributes they read."""
+    queue = [*chosen.values(), module]
+    while queue:
+        body = queue.pop()
+        names = body.calls & bodies.keys()
+        new = [one for name in names for one in bodies[name] if one.powers or one.logs]
+        if body.reads:
+            new += [one for one in every if not body.reads.isdisjoint(one.writes)]
+        for one in new:
+            if id(one.node) not in chosen:
+                chosen[id(one.node)] = one
+                # What an attribute is made of counts; what else its writer calls does not.
+                if one.powers or one.logs:
+                    queue.append(one)

@@ -1,0 +1,78 @@
+"""The words that tell RANSAC code from other uses of the same algebra.
+
+``log(1-s) / log(1-w**k)`` also sizes a Bloom filter or a set of LSH bands, so a rule is reported
+only where something says RANSAC. Names lie, so words never decide what a rule is: they only raise
+or lower how sure we are that it is one, and silence it where nothing speaks for it.
+"""
+
+import re
+
+_STRONG_WORDS = ("ransac", "inlier", "outlier", "consensus", "msac", "prosac")
+_WEAK_WORDS = (
+    "homograph",
+    "epipolar",
+    "keypoint",
+    "essential_matrix",
+    "essential matrix",
+    "fundamental_matrix",
+    "fundamental matrix",
+    "pointcloud",
+    "point cloud",
+    "point_cloud",
+)
+
+
+def _spellings(words: tuple[str, ...]) -> tuple[str, ...]:
+    # Spelled out: a search that ignores case is far slower than a few that do not.
+    return tuple(
+        dict.fromkeys(
+            spelling
+            for word in words
+            for spelling in (word, word.upper(), word.capitalize(), word.title())
+        )
+    )
+
+
+_STRONG_SPELLINGS = (*_spellings(_STRONG_WORDS), "RanSaC", "RanSac", "MSaC")
+_STRONG = re.compile("|".join(map(re.escape, _STRONG_SPELLINGS)))
+_WEAK = re.compile("|".join(map(re.escape, _spellings(_WEAK_WORDS))))
+# The gate looks for what all spellings of a word share, so that it passes whatever they match.
+_STEMS = tuple(
+    stem.encode()
+    for word in ("ansac", "nlier", "utlier", "onsensus", "omograph", "pipolar", "eypoint")
+    for stem in (word, word.upper())
+) + tuple(
+    stem.encode()
+    for stem in (
+        *("RanSaC", "RanSac", "MSaC", "msac", "MSAC", "Msac", "prosac", "PROSAC", "Prosac"),
+        *("ssential_m", "SSENTIAL_M", "ssential m", "SSENTIAL M", "ssential_M", "ssential M"),
+        *("undamental_m", "UNDAMENTAL_M", "undamental m", "UNDAMENTAL M"),
+        *("undamental_M", "undamental M", "ointcloud", "OINTCLOUD"),
+        *("oint cloud", "OINT CLOUD", "oint_cloud", "OINT_CLOUD", "oint Cloud", "oint_Cloud"),
+    )
+)
+_OTHER = re.compile(
+    r"bloom|min_?hash|jaccard|\blsh|false.positive|pass@|pass_at_k|annealing|time.to.solution"
+    r"|differential.privacy|k-?mers?\b|allele|genotype|bonferroni|family.?wise|geometric dist",
+    re.IGNORECASE,
+)
+
+
+def speaks_strongly(text: str) -> bool:
+    """Whether a text uses a word that is of RANSAC alone."""
+    return bool(_STRONG.search(text))
+
+
+def speaks_weakly(text: str) -> bool:
+    """Whether a text is about the problems that RANSAC is used for."""
+    return bool(_WEAK.search(text))
+
+
+def speaks_of_other(text: str) -> bool:
+    """Whether a text is about another use of the same algebra."""
+    return bool(_OTHER.search(text))
+
+
+def in_bytes(data: bytes) -> bool:
+    """Whether a file could speak for RANSAC at all: a superset, on raw bytes."""
+    return any(stem in data for stem in _STEMS)

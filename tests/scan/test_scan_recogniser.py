@@ -1,0 +1,305 @@
+# ruff: noqa: E501 -- a line of source under test stays one line
+"""What the recogniser makes of each form: approximate, exact, with replacement, or nothing."""
+
+import pytest
+
+from ransac_fix.scan import python
+from ransac_fix.scan.reading import Text
+from ransac_fix.scan.scanner import read
+
+
+def sites(source: str, path: str = "ransac.py"):
+    return read(python.parse(source), Text(source), path)
+
+
+def kinds(source: str) -> list[str]:
+    return [found.site.probability.kind for found in sites(source)]
+
+
+def rule(power: str, *, before: str = "", top: str = "log(1 - s)", log: str = "log") -> str:
+    """Write a rule whose bottom is ``log(1 - power)``."""
+    return (
+        "from math import *\nimport numpy as np\nimport scipy\n"
+        f"def ransac_trials(I, n, k, s, w, e):\n{before}"
+        f"    return {top} / {log}(1 - {power})\n"
+    )
+
+
+APPROXIMATE = {
+    "operator": "w**k",
+    "pow": "pow(w, k)",
+    "np.power": "np.power(w, k)",
+    "float_power": "np.float_power(w, k)",
+    "method": "w.pow(k)",
+    "literal": "w**4",
+    "inline ratio": "(I / n) ** k",
+    "powers apart": "I**k / n**k",
+    "outliers": "(1 - e) ** k",
+    "outlier count": "((n - I) / n) ** k",
+    "square": "np.square(w)",
+    "written out": "w * w * w",
+    "written out ratio": "(I / n) * (I / n)",
+    "counts written out": "I * I * I / (n * n * n)",
+    "exp of log": "exp(k * log(w))",
+    "exp of log, other order": "np.exp(np.log(w) * k)",
+    "cast": "float(w) ** int(k)",
+    "clipped": "min(max(w, 1e-9), 1 - 1e-9) ** k",
+    "product of equal factors": "np.prod([w] * 0 + [w, w, w])",
+    "product in a comprehension": "prod(w for _ in range(k))",
+    "prefactor": "(1 / 3) * w**k",
+}
+EXACT = {
+    "comb": "comb(I, k) / comb(n, k)",
+    "scipy comb": "scipy.special.comb(I, k) / scipy.special.comb(n, k)",
+    "pair": "I * (I - 1) / (n * (n - 1))",
+    "pair of ratios": "(I / n) * ((I - 1) / (n - 1))",
+    "triple": "I*(I-1)*(I-2) / (n*(n-1)*(n-2))",
+    "factorials": "factorial(I) * factorial(n - k) / (factorial(I - k) * factorial(n))",
+    "gamma": "gamma(I+1) / gamma(I-k+1) / gamma(n+1) * gamma(n-k+1)",
+    "lgamma": "exp(lgamma(I+1) - lgamma(I-k+1) - lgamma(n+1) + lgamma(n-k+1))",
+    "hypergeom": "scipy.stats.hypergeom.pmf(k, n, I, k)",
+    "perm": "perm(I, k) / perm(n, k)",
+    "comprehension": "prod((I - i) / (n - i) for i in range(k))",
+    "array": "np.prod((I - np.arange(k)) / (n - np.arange(k)))",
+    "array method": "((I - np.arange(k)) / (n - np.arange(k))).prod()",
+    "sum of logarithms": "exp(sum(log((I - i) / (n - i)) for i in range(k)))",
+}
+OTHER = {
+    "a plain rate": "w",
+    "a root": "w ** (1 / k)",
+    "a power of two": "2**k",
+    "a large factor": "4 * e**2",
+    "one inlier ratio": "I / n",
+}
+
+
+@pytest.mark.parametrize("power", APPROXIMATE.values(), ids=APPROXIMATE.keys())
+def test_reads_as_approximate(power):
+    assert kinds(rule(power)) == ["approximate"]
+
+
+@pytest.mark.parametrize("power", EXACT.values(), ids=EXACT.keys())
+def test_reads_as_exact(power):
+    assert kinds(rule(power)) == ["exact"]
+
+
+@pytest.mark.parametrize("power", OTHER.values(), ids=OTHER.keys())
+def test_reads_as_something_else(power):
+    assert kinds(rule(power)) == []
+
+
+LOOPS = {
+    "for": "    p = 1.0\n    for i in range(k):\n        p *= (I - i) / (n - i)\n",
+    "downwards": "    p = 1\n    for i in range(k - 1, -1, -1):\n        p = p * (I - i) / (n - i)\n",
+    "other order": "    p = 1.0\n    for i in range(k):\n        p = (I - i) / (n - i) * p\n",
+    "while": "    p, i = 1.0, 0\n    while i < k:\n        p *= (I - i) / (n - i)\n        i += 1\n",
+    "counts counted down": (
+        "    p = 1.0\n    for _ in range(k):\n        p *= I / n\n        I -= 1\n        n -= 1\n"
+    ),
+    "two products": (
+        "    a = b = 1\n    for i in range(k):\n        a *= I - i\n        b *= n - i\n    p = a / b\n"
+    ),
+    "sum of logarithms": (
+        "    t = 0.0\n    for i in range(k):\n        t += log(I - i) - log(n - i)\n    p = exp(t)\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("loop", LOOPS.values(), ids=LOOPS.keys())
+def test_reads_product_loops_as_exact(loop):
+    assert kinds(rule("p", before=loop)) == ["exact"]
+
+
+def test_reads_a_loop_over_equal_factors_as_approximate():
+    loop = "    p = 1.0\n    for _ in range(k):\n        p *= w\n"
+    assert kinds(rule("p", before=loop)) == ["approximate"]
+
+
+def test_reads_a_falling_numerator_over_a_power_as_replacement():
+    loop = "    p = 1.0\n    for i in range(k):\n        p *= (I - i) / n\n"
+    assert kinds(rule("p", before=loop)) == ["replacement"]
+
+
+WHOLE = {
+    "log1p": "def f(w, k, s): return log1p(-s) / log1p(-w**k)",
+    "log10": "def f(w, k, s): return log10(1 - s) / log10(1 - w**k)",
+    "log2": "def f(w, k, s): return np.log2(1 - s) / np.log2(1 - w**k)",
+    "two arguments": "def f(w, k, s): return log(1 - s, 1 - w**k)",
+    "floor division": "def f(w, k, s): return log(1 - s) // log(1 - w**k)",
+    "divide": "def f(w, k, s): return np.divide(np.log(1 - s), np.log(1 - w**k))",
+    "inverse factor": "def f(w, k, s): return log(1 - s) * (1 / log(1 - w**k))",
+    "reciprocal": "def f(w, k, s): return log(1 - s) * np.reciprocal(log(1 - w**k))",
+    "negated": "def f(w, k, s): return -log(1 - s) / -log(1 - w**k)",
+    "multiplied": "def f(w, k, s): return 3 * log(1 - s) / log(1 - w**k)",
+    "numerator named": "def f(w, k, log_probability): return log_probability / log(1 - w**k)",
+    "numerator worked out": "def f(w, k): return -4.6 / log(1 - w**k)",
+    "failure probability": "def f(w, k, failure): return log(failure) / log(1 - w**k)",
+    "guard inside": "def f(w, k, s): return log(1 - s) / log(1 - w**k + 1e-12)",
+    "guard outside": "def f(w, k, s): return log(1 - s) / (log(1 - w**k) + 1e-12)",
+    "machine epsilon": (
+        "def f(w, k, s):\n    return log(1 - s) / log(max(np.finfo(float).eps, 1 - w**k))"
+    ),
+    "alias": "ln = log\ndef f(w, k, s): return ln(1 - s) / ln(1 - w**k)",
+    "alias import": "from math import log as L\ndef f(w, k, s): return L(1 - s) / L(1 - w**k)",
+    "conditional": (
+        "def f(w, k, s): return log(1 - s) / log(1 - w**k) if 0 < w < 1 else float('inf')"
+    ),
+    "conditional inside": (
+        "def f(w, k, s):\n    d = 1 - w**k\n    return log(1 - s) / (log(d) if d > 0 else -1e-9)"
+    ),
+    "rebound": "def f(w, k, s):\n    d = 1 - w**k\n    d = log(d)\n    return log(1 - s) / d",
+    "clamps over lines": (
+        "def f(w, k, s):\n    d = w**k\n    d = max(1e-9, d)\n    d = min(1 - 1e-9, d)\n"
+        "    return log(1 - s) / log(1 - d)"
+    ),
+    "guard by assignment": (
+        "def f(w, k, s):\n    d = 1 - w**k\n    if d < 1e-12:\n        d = 1e-12\n"
+        "    return log(1 - s) / log(d)"
+    ),
+    "tensors of ones": (
+        "import torch\ndef f(w, k, s):\n"
+        "    return torch.log(1 - s) / torch.log(torch.ones_like(w) - w**k)"
+    ),
+    "tensor methods": "def f(w, k, s): return (1 - s).log() / (1 - w.pow(k)).log()",
+    "where": (
+        "def f(w, k, s):\n    d = np.where(w > 0, 1 - w**k, 1.0)\n    return log(1 - s) / log(d)"
+    ),
+    "helper": "def p(w, k): return w**k\ndef f(a, b, s): return log(1 - s) / log(1 - p(a, b))",
+    "helper for the whole denominator": (
+        "def q(w, k):\n    d = 1 - w**k\n    return log(d)\ndef f(a, b, s): return log(1 - s) / q(a, b)"
+    ),
+    "power passed to the helper": (
+        "def t(p, s): return log(1 - s) / log(1 - p)\ndef f(w, k): return t(w**k, 0.99)"
+    ),
+    "lambda": "p = lambda w, k: w**k\ndef f(a, b, s): return log(1 - s) / log(1 - p(a, b))",
+    "method": (
+        "class A:\n    def p(self, w): return w**self.k\n"
+        "    def f(self, w, s): return log(1 - s) / log(1 - self.p(w))"
+    ),
+    "attributes": (
+        "class A:\n    def __init__(self, w, k):\n        self.d = log(1 - w**k)\n"
+        "    def f(self, s):\n        self.N = log(1 - s) / self.d\n        return self.N"
+    ),
+    "tuple": "def f(w, k, s):\n    a, b = log(1 - s), log(1 - w**k)\n    return a / b",
+    "walrus": "def f(w, k, s):\n    if (d := 1 - w**k) > 0:\n        return log(1 - s) / log(d)",
+    "break test": (
+        "def f(w, s):\n    N = 0\n    while True:\n        N += 1\n"
+        "        if 1 - (1 - w**3) ** N > s:\n            break"
+    ),
+    "break test the other way": (
+        "def f(w, s):\n    N = 0\n    while True:\n        N += 1\n"
+        "        if (1 - w**3) ** N < 1 - s:\n            break"
+    ),
+    "loop condition": (
+        "def f(w, k, s):\n    good, N = 0.0, 0\n    while good < s:\n        N += 1\n"
+        "        good = 1 - (1 - w**k) ** N"
+    ),
+    "test of logarithms": (
+        "def f(w, k, s):\n    N = 0\n    while N * log(1 - w**k) > log(1 - s):\n        N += 1"
+    ),
+    "module level": "w, k, s = 0.5, 4, 0.99\nN = log(1 - s) / log(1 - w**k)",
+    "nested function": (
+        "def f(w, k):\n    def g(s):\n        return log(1 - s) / log(1 - w**k)\n    return g(0.99)"
+    ),
+    "entry of an array": (
+        "def f(w, k, s):\n    d = np.zeros(3)\n    d[0] = 1 - w**k\n    return log(1 - s) / log(d[0])"
+    ),
+}
+
+
+@pytest.mark.parametrize("source", WHOLE.values(), ids=WHOLE.keys())
+def test_follows_definitions(source):
+    assert kinds(f"from math import *\nimport numpy as np\n{source}\n") == ["approximate"]
+
+
+SILENT = {
+    "LSH bands": "def f(s, r, b): return 1 - (1 - s**r) ** b",
+    "LSH threshold": "def f(s, r, b):\n    if 1 - (1 - s**r) ** b > 0.5:\n        return True",
+    "Bloom filter": "def f(n, m, k): return (1 - exp(-k * n / m)) ** k",
+    "Bloom size": "def f(n, p): return -n * log(p) / log(2) ** 2",
+    "pass at k": "def f(n, c, k): return 1 - comb(n - c, k) / comb(n, k)",
+    "geometric skip": "def f(p): return int(log(random.random()) / log(1 - p))",
+    "logarithmic series": "def f(p, u, v): return 1 + log(v) / log(1 - (1 - p) ** random.random())",
+    "coupon collector": "def f(n): return n * (log(n) + 0.5772)",
+    "time to solution": "def f(p, s, t): return t * log(1 - s) / log(1 - p)",
+    "family-wise error": "def f(a, m): return 1 - (1 - a) ** (1 / m)",
+    "privacy": "def f(eps, k, d): return eps * sqrt(2 * k * log(1 / d))",
+    "PROSAC growth": (
+        "def f(n, N, m, T):\n    t = T\n    for i in range(m):\n        t *= (n - i) / (N - i)\n    return t"
+    ),
+    "change of base": "def f(x, b): return log(x**2) / log(b)",
+    "docstring": 'def f():\n    """N = log(1 - s) / log(1 - w**k)"""',
+}
+
+
+@pytest.mark.parametrize("source", SILENT.values(), ids=SILENT.keys())
+def test_look_alikes_are_not_reported(source):
+    text = f"from math import *\nimport numpy as np\nimport random\n{source}\n"
+    assert [found for found in sites(text, "similarity.py") if found.certainty] == []
+
+
+def test_names_the_roles():
+    source = """
+import math
+
+def ransac_update(best_inliers, points, sample_size, confidence):
+    w = len(best_inliers) / float(len(points))
+    bottom = 1 - w ** sample_size
+    return math.log(1 - confidence) / math.log(bottom)
+"""
+    (found,) = sites(source)
+    assert found.roles == {
+        "inlier_ratio": "w",
+        "n_inliers": "len(best_inliers)",
+        "n_samples": "len(points)",
+        "sample_size": "sample_size",
+        "confidence": "confidence",
+    }
+    assert found.certainty == "high"
+    assert found.adaptive
+
+
+def test_names_lie_and_structure_decides():
+    source = """
+from math import log
+
+def ransac(confidence, min_inliers, k):
+    # confidence holds 1 - s here, and min_inliers a ratio
+    return log(confidence) / log(1 - min_inliers ** k)
+"""
+    (found,) = sites(source)
+    assert found.site.probability.kind == "approximate"
+    assert found.roles["confidence"] == "confidence"
+    assert found.roles["inlier_ratio"] == "min_inliers"
+
+
+@pytest.mark.parametrize(
+    ("where", "certainty"),
+    [("ransac", "high"), ("module", "medium"), ("weak", "low"), ("nowhere", None)],
+)
+def test_words_raise_and_lower_the_certainty(where, certainty):
+    name = "ransac_trials" if where == "ransac" else "trials"
+    comment = {"module": "# count the outliers", "weak": "# find a homography"}.get(where, "")
+    source = (
+        f"from math import log\n{comment}\n"
+        f"def {name}(w, k, s):\n    return log(1 - s) / log(1 - w**k)\n"
+    )
+    (found,) = sites(source, "a.py")
+    assert found.certainty == certainty
+
+
+def test_a_helper_that_is_called_in_a_loop_is_adaptive():
+    source = """
+from math import log
+
+def trials(w, k, s):
+    return log(1 - s) / log(1 - w**k)
+
+def ransac(data, fit):
+    N = 100
+    while N > 0:
+        N = trials(fit(data), 4, 0.99)
+"""
+    (found,) = sites(source)
+    assert found.adaptive
+    assert not sites(source.replace("while N > 0:", "if N > 0:"))[0].adaptive
