@@ -4,11 +4,9 @@ The public names are loaded when they are first used, so that ``import ransac_fi
 nothing in a program that only wants its libraries patched.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
 from ransac_fix._version import __version__
 
+TYPE_CHECKING = False  # what type checkers take for true; `typing` takes too long to import
 if TYPE_CHECKING:
     from ransac_fix.criterion import (
         Stratum,
@@ -56,6 +54,8 @@ _HOME = {
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
     value: object = getattr(import_module(f"ransac_fix.{_HOME.get(name, 'criterion')}"), name)
     globals()[name] = value
     return value

@@ -280,7 +280,7 @@ def status() -> PatchingStatus:
         found.setdefault(name, _broken(name, reason))
     return PatchingStatus(
         systems=tuple(found[name] for name in sorted(found)),
-        worker_processes=startup.is_inherited(),
+        worker_processes=startup.is_inherited() or startup.is_enabled_for_site(),
     )
 
 

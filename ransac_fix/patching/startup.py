@@ -6,6 +6,9 @@ a ``sitecustomize`` module on ``PYTHONPATH`` and the modules to wait for in ``RA
 and `begin`, called from there, installs the import hook. It imports next to nothing until one of
 those modules is imported. A ``sitecustomize`` that was there before still runs.
 
+``ransac-fix site enable`` (`ransac_fix.patching.site`) reaches every program of an environment
+instead: a ``.pth`` file calls `begin` with the modules to wait for.
+
 ``RANSAC_FIX=0`` in the environment switches everything off.
 """
 
@@ -21,16 +24,34 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, MutableMapping
     from types import ModuleType
 
-__all__ = ["begin", "environment", "is_inherited", "off", "watched"]
+__all__ = [
+    "begin",
+    "environment",
+    "is_enabled_for_site",
+    "is_inherited",
+    "listed",
+    "off",
+    "parsed",
+    "watched",
+]
 
 SWITCH = "RANSAC_FIX"
 WATCH = "RANSAC_FIX_WATCH"
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_site")  # noqa: PTH118, PTH120, PTH100 -- pathlib is slow to import
 
 
+# What the environment's .pth file asked for, in the form of the variable WATCH.
+_site = ""
+
+
 def off() -> bool:
     """Return whether ``RANSAC_FIX=0`` is set."""
     return os.environ.get(SWITCH) == "0"
+
+
+def is_enabled_for_site() -> bool:
+    """Return whether this process was started to be patched by the environment's .pth file."""
+    return bool(_site)
 
 
 def is_inherited() -> bool:
@@ -40,8 +61,13 @@ def is_inherited() -> bool:
 
 def watched() -> dict[str, tuple[str, ...]]:
     """Return the systems that this process was started to patch, with their modules."""
+    return parsed(f"{_site};{os.environ.get(WATCH, '')}")
+
+
+def parsed(text: str) -> dict[str, tuple[str, ...]]:
+    """Return systems and their modules from a line of text, as `listed` writes it."""
     systems = {}
-    for entry in os.environ.get(WATCH, "").split(";"):
+    for entry in text.split(";"):
         system, _, modules = entry.partition("=")
         if system and modules:
             systems[system] = tuple(modules.split(","))
@@ -61,7 +87,7 @@ def environment(environ: MutableMapping[str, str], systems: Mapping[str, tuple[s
     before = environ.get("PYTHONPATH")
     path = [entry for entry in before.split(os.pathsep) if entry != _FOLDER] if before else []
     if systems:
-        environ[WATCH] = ";".join(f"{name}={','.join(systems[name])}" for name in sorted(systems))
+        environ[WATCH] = listed(systems)
         path.insert(0, _FOLDER)
     else:
         environ.pop(WATCH, None)
@@ -71,10 +97,24 @@ def environment(environ: MutableMapping[str, str], systems: Mapping[str, tuple[s
         environ.pop("PYTHONPATH", None)
 
 
-def begin() -> None:
-    """Start waiting for the modules named in the environment. Called by ``sitecustomize``."""
+def listed(systems: Mapping[str, tuple[str, ...]]) -> str:
+    """Return systems and their modules as one line of text, as `watched` reads it."""
+    return ";".join(f"{name}={','.join(systems[name])}" for name in sorted(systems))
+
+
+def begin(site: str = "") -> None:
+    """Start waiting for the modules of `watched`.
+
+    Parameters
+    ----------
+    site : str
+        More of them, as `listed` gives them. ``sitecustomize`` calls without, a .pth file with.
+    """
+    global _site
     if off():
         return
+    if site:
+        _site = site
     for modules in watched().values():
         finder.watch(modules, _imported)
 
