@@ -127,6 +127,7 @@ def check(system: str) -> dict[str, Any]:
     try:
         library = adapter[system]()
     except Exception as error:  # noqa: BLE001 -- the release cannot be used here at all
+        # kornia 0.6.0 downloads the weights of a network whenever it is imported.
         return {"state": "cannot be imported", "reason": f"{type(error).__name__}: {error}"}
     after = _state(system)
     result: dict[str, Any] = {
@@ -527,13 +528,14 @@ def markdown(report: dict[str, Any]) -> str:
                 f" {' | '.join(cells)} | {tests} |"
             )
         lines += ["", *_assertions(releases)]
-        notes = {
-            row["result"]["reason"]: release
-            for release, row in releases.items()
-            if row["result"].get("reason") and row["result"]["state"] != "already exact"
-        }
-        lines += [""] + [f"{release}: {reason}." for reason, release in notes.items()] + [""]
-    return "\n".join(lines).rstrip() + "\n"
+        notes: dict[str, list[str]] = {}
+        for release, row in releases.items():
+            if row["result"].get("reason") and row["result"]["state"] != "already exact":
+                notes.setdefault(row["result"]["reason"], []).append(release)
+        lines += [""]
+        lines += [f"- {', '.join(found)}: {reason.rstrip('.')}." for reason, found in notes.items()]
+        lines += [""]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).rstrip() + "\n"
 
 
 def _assertions(releases: dict[str, Any]) -> list[str]:
