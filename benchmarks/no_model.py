@@ -36,7 +36,7 @@ on trials and with one.
 
 - *I* is the largest support the bare run found, *bare* and *exact* are trials counted. *Limit* is
   k**k / k!, which the ratio of the two bounds cannot exceed where I >= k.
-- Where there are fewer inliers than a sample holds (the last row of each library), no number of
+- Where there are fewer inliers than a sample holds (I < k, the last two rows), no number of
   trials is enough: without a cap the library's own bound stands, and with one the cap decides.
 - Runs were stopped after {seconds:g} seconds: there the library's own bound is out of reach too.
 
