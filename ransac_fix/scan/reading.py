@@ -1,6 +1,6 @@
 """What a file says about each of its sites: roles, sampler, use, and how sure we are."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ransac_fix.scan import algebra, words
@@ -10,13 +10,16 @@ from ransac_fix.scan.form import (
     Expr,
     Fn,
     Function,
+    If,
     Item,
+    Loop,
     Module,
     Num,
     Op,
     Over,
     Ref,
     Span,
+    Stmt,
 )
 from ransac_fix.scan.python import split_lines
 from ransac_fix.scan.recogniser import Site
@@ -76,11 +79,22 @@ class Text:
         return "\n".join(self.lines[span.line - 1 : span.end_line])
 
 
-def read_sites(sites: list[Site], module: Module, text: Text, path: str) -> list[ReadSite]:
-    """Read each site in its file."""
+def read_sites(
+    sites: list[Site], whole: Callable[[], Module], text: Text, path: str
+) -> list[ReadSite]:
+    """Read each site in its file.
+
+    Parameters
+    ----------
+    sites : list of Site
+    whole : callable
+        Gives the whole file in the small form: the sampler may stand where no rule could.
+    text : Text
+    path : str
+    """
     if not sites:
         return []
-    all_draws = draws(module)
+    all_draws = draws(whole())
     file_speaks = words.speaks_strongly(text.source) or words.speaks_strongly(path)
     file_whispers = words.speaks_weakly(text.source) or words.speaks_weakly(path)
     out: list[ReadSite] = []
@@ -204,7 +218,17 @@ def _is_adaptive(site: Site) -> bool:
     ratio = site.probability.ratio
     if called or site.function is None or ratio is None:
         return False
-    return algebra.number(ratio) is None and _is_required(ratio, site.function)
+    if algebra.number(ratio) is not None or _loops(site.function.body):
+        return False  # a function that loops itself makes its budget first
+    return _is_required(ratio, site.function)
+
+
+def _loops(body: tuple[Stmt, ...]) -> bool:
+    return any(
+        isinstance(stmt, Loop)
+        or (isinstance(stmt, If) and (_loops(stmt.body) or _loops(stmt.orelse)))
+        for stmt in body
+    )
 
 
 def _is_required(ratio: Expr, function: Function) -> bool:

@@ -123,38 +123,37 @@ def _test(candidate: Candidate) -> _Reading | None:
     left, right = candidate.expr.args
     best: _Reading | None = None
     for side, other in ((left, right), (right, left)):
-        for assumed, trials in _failure_powers(side, other):
+        for assumed, trials, formula in _failure_powers(side, other):
             probability = algebra.classify(assumed)
             if probability is None:
                 continue
             confidence = next(algebra.complement(other), other)
-            reading = _Reading(probability, confidence, trials, side)
+            reading = _Reading(probability, confidence, trials, formula)
             if probability.kind == "approximate":
                 return reading
             best = best or reading
     return best
 
 
-def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr]]:
-    """Yield (P, N) for a side that reads (1-P)**N, 1 - (1-P)**N or N*log(1-P)."""
-    for reading in (side, *islice(algebra.complement(side), _WAYS)):
-        for monomial in islice(algebra.monomials(reading), _WAYS):
-            for power in monomial.powers:
-                if power.symbol is None or len(monomial.powers) != 1:
-                    continue
-                for assumed in islice(algebra.complement(power.base), _WAYS):
-                    yield assumed, power.symbol
-    if not any(True for _ in algebra.log_arguments(other)):
-        return
-    for reading in islice(algebra.readings(side), _WAYS):
-        if not (isinstance(reading, Op) and reading.op == "mul"):
+def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]]:
+    """Yield (P, N, formula) for a side that reads (1-P)**N, 1 - (1-P)**N or N*log(1-P)."""
+    logarithmic = any(True for _ in algebra.log_arguments(other))
+    for formula in islice(algebra.readings(side), _WAYS):
+        for reading in (formula, *islice(algebra.complement(formula), _WAYS)):
+            for monomial in islice(algebra.monomials(reading), _WAYS):
+                for power in monomial.powers:
+                    if power.symbol is None or len(monomial.powers) != 1:
+                        continue
+                    for assumed in islice(algebra.complement(power.base), _WAYS):
+                        yield assumed, power.symbol, formula
+        if not (logarithmic and isinstance(formula, Op) and formula.op == "mul"):
             continue
-        for log, trials in (reading.args, reading.args[::-1]):
+        for log, trials in (formula.args, formula.args[::-1]):
             if isinstance(algebra.plain(trials), Fn | Num):
                 continue
             for argument in islice(algebra.log_arguments(log), _WAYS):
                 for assumed in islice(algebra.complement(argument), _WAYS):
-                    yield assumed, trials
+                    yield assumed, trials, formula
 
 
 def _without_repeats(sites: list[Site]) -> list[Site]:

@@ -105,7 +105,7 @@ def law_for(
     draw : Draw or None
     """
     known = list(all_draws)
-    near = [[draw for draw in known if draw.function is function] for function in functions]
+    near = [[draw for draw in known if _same(draw.function, function)] for function in functions]
     near.append(
         [draw for draw in known if owner and draw.function and draw.function.owner == owner]
     )
@@ -119,6 +119,13 @@ def law_for(
         if laws:
             return "unknown", None
     return "unknown", None
+
+
+def _same(one: Function | None, other: Function | None) -> bool:
+    # By place: the draws may come from another reading of the same file.
+    if one is None or other is None:
+        return one is other
+    return one.span == other.span
 
 
 def _settled(draw: Draw, checked: bool) -> Draw:

@@ -5,7 +5,7 @@ Nothing that is scanned is ever imported or run.
 
 import os
 import tokenize
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from ransac_fix.scan import evaluate, python, triage, words
@@ -96,7 +96,12 @@ def decode(data: bytes) -> str:
 def _scan_python(
     source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
 ) -> FileOutcome:
-    if gate and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source)):
+    # A named file is parsed in any case: that it cannot be is what its user must learn.
+    if (
+        gate
+        and not file.named
+        and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source))
+    ):
         return (), ()
     repaired = False
     try:
@@ -114,17 +119,25 @@ def _scan_python(
     if gate and bodies is None:
         return (), ()
     module = python.read(tree, source, bodies)
-    findings = check(module, Text(source), file.path, rules)
+
+    def whole() -> Module:
+        return python.read(tree, source)
+
+    findings = check(module, Text(source), file.path, rules, whole)
     if findings and not repaired:
         return _confirmed(source, file, findings)
     return tuple(findings), ()
 
 
 def check(
-    module: Module, text: Text, path: str, rules: Sequence[Rule] | None = None
+    module: Module,
+    text: Text,
+    path: str,
+    rules: Sequence[Rule] | None = None,
+    whole: Callable[[], Module] | None = None,
 ) -> list[Finding]:
-    """Check one module in the small form."""
-    sites = read(module, text, path)
+    """Check one module in the small form; ``whole`` gives all of it, where it is only a part."""
+    sites = read(module, text, path, whole)
     scanned = ScannedFile(path, text, module, tuple(sites))
     found = [
         finding
@@ -134,9 +147,12 @@ def check(
     return sorted(found, key=_order)
 
 
-def read(module: Module, text: Text, path: str) -> list[ReadSite]:
+def read(
+    module: Module, text: Text, path: str, whole: Callable[[], Module] | None = None
+) -> list[ReadSite]:
     """Find and read every stopping rule of a module, exact ones too."""
-    return read_sites(recognise(evaluate.candidates(module)), module, text, path)
+    sites = recognise(evaluate.candidates(module))
+    return read_sites(sites, whole or (lambda: module), text, path)
 
 
 def _order(finding: Finding) -> tuple[str, int, int, str]:
