@@ -42,12 +42,13 @@ def findings_concise(result: ScanResult) -> str:
 
 def summary(result: ScanResult) -> str:
     """Return the last line: how much was found in how much."""
+    aside = f" {len(result.suppressed)} set aside by comments." if result.suppressed else ""
     files = f"{result.files} file{'' if result.files == 1 else 's'}"
     if not result.findings:
-        return f"Nothing found in {files}."
+        return f"Nothing found in {files}.{aside}"
     count = len(result.findings)
     found = len({finding.location.path for finding in result.findings})
-    return f"{count} finding{'' if count == 1 else 's'} in {found} of {files}."
+    return f"{count} finding{'' if count == 1 else 's'} in {found} of {files}.{aside}"
 
 
 def _errors(result: ScanResult) -> Iterator[str]:

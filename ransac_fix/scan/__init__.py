@@ -93,8 +93,10 @@ def scan_paths(
     findings.sort(
         key=lambda one: (one.location.path, one.location.start_line, one.location.start_column)
     )
+    kept = tuple(one for one in findings if one.suppression is None)
+    suppressed = tuple(one for one in findings if one.suppression is not None)
     errors.sort(key=lambda one: (one.path, one.line or 0))
-    return ScanResult(tuple(findings), tuple(errors), len(files))
+    return ScanResult(kept, tuple(errors), len(files), suppressed)
 
 
 _Outcome = tuple[Sequence[Finding], Sequence[ScanError]]

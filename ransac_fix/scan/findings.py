@@ -59,6 +59,8 @@ class Finding:
         The source of the place with its white space normalised.
     related : tuple of Related
         Other places, such as where the sample is drawn.
+    suppression : str or None
+        The reason given by the comment that sets it aside; None where there is no such comment.
     """
 
     code: str
@@ -68,6 +70,7 @@ class Finding:
     roles: Mapping[str, str] = field(default_factory=dict)
     expression: str = ""
     related: tuple[Related, ...] = ()
+    suppression: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,3 +95,5 @@ class ScanResult:
     errors: tuple[ScanError, ...]
     files: int
     """How many files were looked at."""
+    suppressed: tuple[Finding, ...] = ()
+    """What comments set aside."""

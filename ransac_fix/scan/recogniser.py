@@ -35,6 +35,8 @@ class Site:
         The s of the rule, or 1-s where that is what the source has.
     function : Function or None
         The function it stands in.
+    assumed : Expr
+        The expression that the rule takes for P.
     seen : tuple of Candidate
         Each way it was reached: by itself, and through the calls of its function.
     """
@@ -46,6 +48,7 @@ class Site:
     confidence: Expr | None
     trials: Expr | None
     function: Function | None
+    assumed: Expr
     seen: tuple[Candidate, ...]
 
 
@@ -72,6 +75,7 @@ def recognise(candidates: Sequence[Candidate]) -> list[Site]:
                         read.confidence,
                         read.trials,
                         own or candidate.function,
+                        read.assumed,
                         tuple(group),
                     )
                 )
@@ -82,6 +86,7 @@ def recognise(candidates: Sequence[Candidate]) -> list[Site]:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reading:
     probability: Probability
+    assumed: Expr
     confidence: Expr | None
     trials: Expr | None = None
     formula: Expr | None = None
@@ -101,7 +106,7 @@ def _quotient(candidate: Candidate) -> _Reading | None:
                 probability = algebra.classify(assumed)
                 if probability is None:
                     continue
-                reading = _Reading(probability, _confidence(quotient.top))
+                reading = _Reading(probability, assumed, _confidence(quotient.top))
                 if probability.kind == "approximate":
                     return reading
                 best = best or reading
@@ -128,7 +133,7 @@ def _test(candidate: Candidate) -> _Reading | None:
             if probability is None:
                 continue
             confidence = next(algebra.complement(other), other)
-            reading = _Reading(probability, confidence, trials, formula)
+            reading = _Reading(probability, assumed, confidence, trials, formula)
             if probability.kind == "approximate":
                 return reading
             best = best or reading

@@ -16,7 +16,14 @@ from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
 from ransac_fix.scan.recogniser import recognise
 from ransac_fix.scan.repair import repair
-from ransac_fix.scan.rules import Rule, ScannedFile, all_rules
+from ransac_fix.scan.rules import Rule, ScannedFile, all_rules, known_codes
+from ransac_fix.scan.suppressions import (
+    Comment,
+    apply,
+    has_any,
+    python_comments,
+    suppressions,
+)
 
 _MAX_BYTES = 20_000_000
 
@@ -28,7 +35,9 @@ def may_hold_a_rule(data: bytes) -> bool:
     # No rule does without a logarithm, or a power of a complement of a power. The gates lose
     # nothing: tests run with and without them over real trees and compare.
     logarithms = b"log" in data or b"Log" in data or b"ln(" in data
-    return (logarithms or data.count(b"**") + data.count(b"pow") > 1) and words.in_bytes(data)
+    if (logarithms or data.count(b"**") + data.count(b"pow") > 1) and words.in_bytes(data):
+        return True
+    return b"ransac-fix:" in data or b"RFX" in data  # a comment that may set nothing aside
 
 
 def scan_file(
@@ -97,9 +106,11 @@ def _scan_python(
     source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
+    commented = has_any(source)
     if (
         gate
         and not file.named
+        and not commented
         and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source))
     ):
         return (), ()
@@ -117,13 +128,16 @@ def _scan_python(
         return (), (_error(file, f"not Python that can be read: {error}"),)
     bodies = triage.relevant(tree, source) if gate else None
     if gate and bodies is None:
-        return (), ()
+        if not commented:
+            return (), ()
+        bodies = set()
     module = python.read(tree, source, bodies)
 
     def whole() -> Module:
         return python.read(tree, source)
 
-    findings = check(module, Text(source), file.path, rules, whole)
+    comments = tuple(python_comments(source)) if commented else ()
+    findings = check(module, Text(source), file.path, rules, whole=whole, comments=comments)
     if findings and not repaired:
         return _confirmed(source, file, findings)
     return tuple(findings), ()
@@ -134,17 +148,41 @@ def check(
     text: Text,
     path: str,
     rules: Sequence[Rule] | None = None,
+    *,
     whole: Callable[[], Module] | None = None,
+    comments: tuple[Comment, ...] = (),
 ) -> list[Finding]:
-    """Check one module in the small form; ``whole`` gives all of it, where it is only a part."""
+    """Check one module in the small form.
+
+    Parameters
+    ----------
+    module : Module
+        The file, or the part of it that could hold a rule.
+    text : Text
+    path : str
+    rules : sequence of Rule, optional
+        The rules to check; all by default.
+    whole : callable, optional
+        Gives the whole file, where ``module`` is a part of it.
+    comments : tuple of Comment
+        Its comments, where one could set a finding aside.
+
+    Returns
+    -------
+    list of Finding
+        In order of place; those set aside have a ``suppression``.
+    """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites))
-    found = [
-        finding
-        for rule in (all_rules() if rules is None else rules)
-        for finding in rule.check(scanned)
-    ]
-    return sorted(found, key=_order)
+    scanned = ScannedFile(path, text, module, tuple(sites), comments)
+    chosen = all_rules() if rules is None else rules
+    found = [finding for rule in chosen for finding in rule.check(scanned)]
+    kept, suppressed, unused = apply(found, suppressions(comments))
+    # A comment for a rule that was not checked may well be needed.
+    codes = {rule.code for rule in chosen}
+    unused = [one for one in unused if codes.issuperset(one.codes or known_codes())]
+    for rule in chosen:
+        kept += rule.check_unused(unused, scanned)
+    return sorted((*kept, *suppressed), key=_order)
 
 
 def read(
@@ -176,11 +214,15 @@ def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> Fi
     except (cst.ParserSyntaxError, RecursionError):
         # libcst is behind the interpreter's grammar: what ast read stands.
         return tuple(findings), ()
-    kept = tuple(finding for finding in findings if span(finding) in nodes)
+
+    def stands(finding: Finding) -> bool:
+        return finding.expression.startswith("#") or span(finding) in nodes
+
+    kept = tuple(finding for finding in findings if stands(finding))
     errors = tuple(
         _error(file, "two parsers disagree about this line", finding.location.start_line)
         for finding in findings
-        if span(finding) not in nodes
+        if not stands(finding)
     )
     return kept, errors
 
@@ -194,7 +236,8 @@ def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule] | None) 
         _error(file, f"code cell {number} cannot be read: {why}") for number, why in notebook.unread
     )
     module = python.parse(notebook.source)
-    findings = check(module, Text(notebook.source), file.path, rules)
+    comments = tuple(python_comments(notebook.source))
+    findings = check(module, Text(notebook.source), file.path, rules, comments=comments)
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 
 

@@ -152,3 +152,33 @@ def test_rules_are_listed_and_explained():
     explained = CliRunner().invoke(cli, ["rule", "RFX003"]).output
     assert explained.startswith("RFX003 sample-with-replacement\n")
     assert "Why is this bad" in explained
+
+
+SUPPRESSED = RULE.replace("w**k)\n", "w**k)  # ransac-fix: ignore[RFX001] -- as published\n")
+
+
+def test_a_comment_sets_a_finding_aside(rule):
+    rule.write_text(SUPPRESSED)
+    assert "1 set aside by comments" in run(rule, code=0)
+    result = scan_paths([rule])
+    assert [one.suppression for one in result.suppressed] == ["as published"]
+
+
+@pytest.mark.parametrize(
+    ("comment", "code"),
+    [
+        ("# noqa: RFX001", 0),
+        ("# noqa: E501,RFX001", 0),
+        ("# ransac-fix: ignore", 0),
+        ("# noqa", 1),
+        ("# ransac-fix: ignore[RFX003]", 1),
+    ],
+)
+def test_comments_that_set_aside(rule, comment, code):
+    rule.write_text(SUPPRESSED.replace("# ransac-fix: ignore[RFX001] -- as published", comment))
+    run(rule, "--select", "RFX001", code=code)
+
+
+def test_a_comment_in_a_string_sets_nothing_aside(rule):
+    rule.write_text(RULE.replace("w**k)\n", "w**k), '# ransac-fix: ignore'\n"))
+    run(rule, code=1)

@@ -7,7 +7,7 @@ from pkgutil import iter_modules
 from ransac_fix.errors import RansacFixError
 from ransac_fix.scan.rules.base import Rule, ScannedFile, SiteRule
 
-__all__ = ["Rule", "ScannedFile", "SiteRule", "all_rules", "find_rule"]
+__all__ = ["Rule", "ScannedFile", "SiteRule", "all_rules", "find_rule", "known_codes"]
 
 
 @cache
@@ -23,6 +23,12 @@ def all_rules() -> tuple[Rule, ...]:
                 if isinstance(member, type) and issubclass(member, Rule) and "code" in vars(member)
             ]
     return tuple(sorted(found, key=lambda rule: rule.code))
+
+
+@cache
+def known_codes() -> frozenset[str]:
+    """Give the codes of all rules."""
+    return frozenset(rule.code for rule in all_rules())
 
 
 def find_rule(code: str) -> Rule:

@@ -6,13 +6,14 @@ it; a rule without them cannot be loaded.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from ransac_fix.scan.findings import Certainty, Finding, Location, Related
 from ransac_fix.scan.form import Module, Span
 from ransac_fix.scan.reading import ReadSite, Text
+from ransac_fix.scan.suppressions import Comment, Suppression
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +28,15 @@ class ScannedFile:
         The small form of the file.
     sites : tuple of ReadSite
         Every stopping rule of the file, exact ones too.
+    comments : tuple of Comment
+        Its comments; read only where one could set a finding aside.
     """
 
     path: str
     text: Text
     module: Module
     sites: tuple[ReadSite, ...]
+    comments: tuple[Comment, ...] = ()
 
     def location(self, span: Span) -> Location:
         """Give a span as a location of this file."""
@@ -60,6 +64,11 @@ class Rule(ABC):
     @abstractmethod
     def check(self, file: ScannedFile) -> Iterator[Finding]:
         """Find the places of a file where the rule is broken."""
+
+    def check_unused(self, unused: Iterable[Suppression], file: ScannedFile) -> Iterator[Finding]:
+        """Find fault with the comments that set nothing aside; one rule does."""
+        del unused, file
+        return iter(())
 
 
 class SiteRule(Rule):

@@ -1,0 +1,113 @@
+"""Comments that set a finding aside: ``ransac-fix: ignore[RFX001] -- reason``, ``noqa: RFX001``.
+
+A comment holds for the findings that touch its line. A bare ``noqa`` is another tool's.
+"""
+
+import io
+import re
+import tokenize
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from ransac_fix.scan.findings import Finding
+from ransac_fix.scan.form import Span
+
+_IGNORE = re.compile(
+    r"ransac-fix:\s*ignore(?:\[(?P<codes>[\w\s,]*)\])?(?:\s*--\s*(?P<reason>.*\S))?"
+)
+_NOQA = re.compile(r"noqa\s*:\s*(?P<codes>[A-Z]+[0-9]+(?:[,\s]+[A-Z]+[0-9]+)*)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Comment:
+    """A comment of a file."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Suppression:
+    """A comment that sets findings aside.
+
+    Attributes
+    ----------
+    codes : tuple of str
+        The rules it names; empty means every rule.
+    reason : str
+        Why, as it says itself.
+    span : Span
+    """
+
+    codes: tuple[str, ...]
+    reason: str
+    span: Span
+
+
+def python_comments(source: str) -> Iterator[Comment]:
+    """Yield the comments of a Python module, as far as it can be read."""
+    try:
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                (line, column), (end_line, end_column) = token.start, token.end
+                yield Comment(token.string, Span(line, column, end_line, end_column))
+    except (tokenize.TokenError, SyntaxError):
+        return
+
+
+def suppressions(comments: Iterable[Comment]) -> list[Suppression]:
+    """Read the comments that set findings aside."""
+    found: list[Suppression] = []
+    for comment in comments:
+        own = _IGNORE.search(comment.text)
+        if own:
+            codes = tuple(re.findall(r"\w+", own["codes"] or ""))
+            found.append(Suppression(codes, own["reason"] or "", comment.span))
+            continue
+        foreign = _NOQA.search(comment.text)
+        if foreign:
+            codes = tuple(
+                code.upper()
+                for code in re.findall(r"\w+", foreign["codes"])
+                if code.upper().startswith("RFX")
+            )
+            if codes:
+                found.append(Suppression(codes, "", comment.span))
+    return found
+
+
+def apply(
+    findings: Sequence[Finding], known: Sequence[Suppression]
+) -> tuple[list[Finding], list[Finding], list[Suppression]]:
+    """Set findings aside.
+
+    Returns
+    -------
+    kept : list of Finding
+    suppressed : list of Finding
+        With the reason in ``suppression``.
+    unused : list of Suppression
+        Those that set nothing aside.
+    """
+    kept: list[Finding] = []
+    suppressed: list[Finding] = []
+    used: set[Suppression] = set()
+    for finding in findings:
+        match = next((one for one in known if _holds(one, finding)), None)
+        if match is None:
+            kept.append(finding)
+        else:
+            used.add(match)
+            suppressed.append(replace(finding, suppression=match.reason))
+    return kept, suppressed, [one for one in known if one not in used]
+
+
+def _holds(suppression: Suppression, finding: Finding) -> bool:
+    place = finding.location
+    touches = place.start_line <= suppression.span.line <= place.end_line
+    return touches and (not suppression.codes or finding.code in suppression.codes)
+
+
+def has_any(source: str) -> bool:
+    """Whether a text could hold a suppression at all."""
+    return "ransac-fix:" in source or "RFX" in source
