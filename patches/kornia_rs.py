@@ -38,7 +38,7 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
 
     def attempt(result: Any) -> Attempt[Any]:
-        return Attempt(result, sum(result.inliers), result.num_iters)
+        return Attempt(result, result.inliers.count(True), result.num_iters)
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)

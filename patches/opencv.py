@@ -110,10 +110,11 @@ class _Form:
     fewest: int = 0
     careless: bool = False
 
-    @property
-    def has_params(self) -> bool:
-        """Whether the settings are a ``cv2.UsacParams``."""
-        return "params" in self.names
+    has_params: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        # Whether the settings are a ``cv2.UsacParams``.
+        object.__setattr__(self, "has_params", "params" in self.names)
 
 
 @dataclass(slots=True)
@@ -155,17 +156,18 @@ def _trials(
 
 def _read(form: _Form, args: Result, kwargs: Bound, result: Result) -> _Call | None:
     """Return what a call asked for; None where it is none of ours."""
-    bound = dict(zip(form.names, args, strict=False))
-    bound.update(kwargs)
+    bound = dict(zip(form.names, args))  # noqa: B905 -- fewer arguments than names
+    if kwargs:
+        bound.update(kwargs)
     inliers = result[form.inliers]
     if type(inliers).__name__ != "ndarray":  # no model, or a cv2.UMat
         return None
     n_samples = bound[form.points[1]].size // 2 if form.indices else inliers.size
     if form.has_params:
         return _read_params(form, bound, n_samples)
-    settings = {**form.defaults, **bound}
-    method: int = settings.get(form.method, _RANSAC)
-    confidence: float = settings[form.confidence]
+    defaults = form.defaults
+    method: Any = bound.get(form.method, defaults.get(form.method, _RANSAC))
+    confidence: Any = bound.get(form.confidence, defaults[form.confidence])
     if method in _USAC:
         kind, sample_size = "usac", form.sample_sizes[1]
         if method in (_USAC_PROSAC, _USAC_MAGSAC):
@@ -183,7 +185,7 @@ def _read(form: _Form, args: Result, kwargs: Bound, result: Result) -> _Call | N
         kind, sample_size = "classic", form.sample_sizes[0]
     if form.careless and not _EPSILON <= confidence <= 1.0 - _EPSILON:
         confidence = 0.99
-    limit: float = settings.get(form.max_trials, _FIXED_LIMIT)
+    limit: Any = bound.get(form.max_trials, defaults.get(form.max_trials, _FIXED_LIMIT))
     if n_samples <= sample_size or sample_size == 0:
         return None
     return _Call(bound, kind, sample_size, confidence, max(limit, 1), n_samples)
@@ -234,7 +236,7 @@ def _wrap(
         form = choose(args, kwargs)
         if form is None:
             return original(*args, **kwargs)
-        guess = _guess(form, args, kwargs)
+        guess = _guess(form, args, kwargs) if form.indices else {}
         result = original(*args, **kwargs)
         call = _read(form, args, kwargs, result)
         if call is None or call.kind not in kinds:

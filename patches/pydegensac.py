@@ -56,13 +56,13 @@ def _trials(
 
 def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
-    bind = inspect.signature(original).bind
+    parameters = inspect.signature(original).parameters
+    names = tuple(parameters)
+    defaults = {name: parameter.default for name, parameter in parameters.items()}
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
-        call = bind(*args, **kwargs)
-        call.apply_defaults()
-        settings = call.arguments
+        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
         confidence, limit = settings["conf"], settings["max_iters"]
         n_samples = len(settings["pts1_"])
         if n_samples <= sample_size:
