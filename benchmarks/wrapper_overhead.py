@@ -253,9 +253,8 @@ def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
             for place in places:
                 setattr(place.holder, place.name, getattr(place, kind))
             # A program rarely solves the same problem twice.
-            missing.missing_trials.cache_clear()
-            if hasattr(module, "_trials") and hasattr(module._trials, "cache_clear"):
-                module._trials.cache_clear()
+            forget(missing)
+            forget(module)
             start = time.process_time()
             call(problem)
             taken = time.process_time() - start
@@ -268,6 +267,13 @@ def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
     ransac_fix.unpatch(system)
     module.complete = missing.complete  # type: ignore[attr-defined]
     return Cost(least["original"], least["replaced"], *(drawn[-1] if drawn else ()))
+
+
+def forget(module: Any) -> None:
+    """Empty the caches of a module's functions."""
+    for value in vars(module).values():
+        if hasattr(value, "cache_clear"):
+            value.cache_clear()
 
 
 def percent(values: list[float]) -> str:
