@@ -57,7 +57,7 @@ def _entry_points(ransac: Any) -> list[EntryPoint | Unmeasured]:
                 max_trials_name="max_iter",
             ),
             counted=True,
-            typical_trials=20,
+            typical_trials=12,
         )
     ]
 

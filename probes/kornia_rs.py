@@ -55,11 +55,12 @@ def _entry_points(kornia_rs: Any) -> list[EntryPoint | Unmeasured]:
             defaults(name),
             counted=True,
             spare=spare,
+            typical_trials=typical_trials,
         )
-        for name, problem, k, calibrated, spare in (
-            ("homography", "homography", 4, False, 1),
-            ("fundamental", "fundamental", 8, False, 2),
-            ("essential", "essential", 5, True, 2),
+        for name, problem, k, calibrated, spare, typical_trials in (
+            ("homography", "homography", 4, False, 1, 80),
+            ("fundamental", "fundamental", 8, False, 2, 80),
+            ("essential", "essential", 5, True, 2, 20),
         )
         if hasattr(ransac, name)
     ]

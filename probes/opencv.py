@@ -150,7 +150,7 @@ def _entry_points(cv2: Any) -> list[EntryPoint | Unmeasured]:
     for method in methods:
         run = functions.essential(getattr(cv2, method))
         defaults = (0.999, 1000, "maxIters")
-        more = {"spare": 2, "typical_trials": 25}
+        more = {"spare": 2, "typical_trials": 15}
         add("findEssentialMat", method, "essential", 5, run, defaults, **more)
     for method, k, verifying in (
         ("SOLVEPNP_P3P", 4, 1),
@@ -159,7 +159,7 @@ def _entry_points(cv2: Any) -> list[EntryPoint | Unmeasured]:
     ):
         run = functions.pose(getattr(cv2, method))
         defaults = (0.99, 100, "iterationsCount")
-        more = {"verifying": verifying, "typical_trials": 30}
+        more = {"verifying": verifying, "typical_trials": 20}
         add("solvePnPRansac", method, "absolute_pose", k, run, defaults, **more)
     for method in methods:
         run = functions.affine("estimateAffine2D", getattr(cv2, method))

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -36,14 +37,18 @@ class WorkerHost:
         Interpreter of the environment to measure.
     seconds : float
         How long to wait for its answers; see `allow`.
+    arguments : sequence of str, optional
+        Further arguments of the worker, for probes that read some.
     """
 
-    def __init__(self, probe_file: Path, python: str, seconds: float) -> None:
+    def __init__(
+        self, probe_file: Path, python: str, seconds: float, arguments: Sequence[str] = ()
+    ) -> None:
         self.allow(seconds)
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
         try:
             self._process = subprocess.Popen(  # noqa: S603 -- the interpreter the user named
-                [python, str(_WORKER), str(probe_file)],
+                [python, str(_WORKER), str(probe_file), *arguments],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._stderr,

@@ -5,7 +5,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
@@ -31,6 +31,7 @@ from ransac_fix.systems import find_system, load_systems
 
 GROUP = "ransac_fix.probes"
 _CONTROL_PROBE = Path(__file__).parent / "control_probe.py"
+_USER_PROBE = Path(__file__).parent / "user_probe.py"
 # A default cap up to this many trials is checked by running into it.
 _CHECKED_TRIALS = 5_000
 _CHECK_STREAMS = 12
@@ -92,7 +93,8 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
         If a name is unknown or its system has no probe.
     """
     started = time.monotonic()
-    crew = _Crew(_chosen(options.systems), options, progress)
+    jobs = [_Job(system, file) for system, file in _chosen(options.systems).items()]
+    crew = _Crew(jobs, options, progress)
     with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
         controls_running = pool.submit(measure_controls, options)
         members = [pool.submit(crew.work) for _ in range(max(2, os.cpu_count() or 1))]
@@ -108,6 +110,36 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
             verdicts.append(Verdict(job.system, "-", None, "not measured", "not installed"))
         else:
             missing.append(job.system)
+    return _report(verdicts, controls, missing, started)
+
+
+def audit_function(arguments: Sequence[str], options: Options) -> Report:
+    """Measure a user's own function.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Those of `ransac_fix.audit.user_probe`.
+    options : Options
+        Its time and interpreter matter.
+
+    Returns
+    -------
+    Report
+        With one verdict; its entry point is ``"-"`` where the function could not be wrapped.
+    """
+    started = time.monotonic()
+    job = _Job("your own", _USER_PROBE, tuple(arguments))
+    _Crew([job], options, lambda _: None).work()
+    wrapped = "-" not in job.done
+    controls = measure_controls(options) if wrapped else ()
+    return _report(job.verdicts(), controls, [], started)
+
+
+def _report(
+    verdicts: list[Verdict], controls: tuple[Control, ...], missing: list[str], started: float
+) -> Report:
+    """Put a report together; without a verdict where a control failed."""
     failed = [control.name for control in controls if not control.passed]
     if failed:
         why = f"a control was misidentified ({', '.join(failed)}), so no verdict is given"
@@ -157,9 +189,10 @@ def _slowest_first(name: str) -> int:
 class _Job:
     """The entry points of one system: those to do, and the verdicts on those done."""
 
-    def __init__(self, system: str, file: Path) -> None:
+    def __init__(self, system: str, file: Path, arguments: tuple[str, ...] = ()) -> None:
         self.system = system
         self.file = file
+        self.arguments = arguments
         self.installed = True
         self.order: list[str] | None = None
         self.waiting: deque[dict[str, Any]] = deque()
@@ -186,9 +219,9 @@ class _Crew:
     """
 
     def __init__(
-        self, probes: dict[str, Path], options: Options, progress: Callable[[str], object]
+        self, jobs: list[_Job], options: Options, progress: Callable[[str], object]
     ) -> None:
-        self.jobs = [_Job(system, file) for system, file in probes.items()]
+        self.jobs = jobs
         self._unbegun = deque(sorted(self.jobs, key=lambda job: _slowest_first(job.system)))
         self._options = options
         self._progress = progress
@@ -209,7 +242,8 @@ class _Crew:
         """Run workers for one system until its queue is empty, a new one after each crash."""
         while True:
             try:
-                with WorkerHost(job.file, self._options.python, self._options.seconds) as host:
+                python, seconds = self._options.python, self._options.seconds
+                with WorkerHost(job.file, python, seconds, job.arguments) as host:
                     if not self._serve(job, host):
                         return
             except WorkerFailed as why:
@@ -250,7 +284,7 @@ class _Crew:
 
 
 def _audit_entry_point(
-    host: WorkerHost, system: str, version: str, one: dict[str, Any], options: Options
+    host: WorkerHost, system: str, version: str | None, one: dict[str, Any], options: Options
 ) -> Verdict:
     started = time.monotonic()
     measured = measure(host, one)

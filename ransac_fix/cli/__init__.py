@@ -13,6 +13,7 @@ from ransac_fix.errors import RansacFixError
 # stands here so that `ransac-fix --help` imports no command.
 _COMMANDS: dict[str, tuple[str, str]] = {
     "audit": ("audit", "Measure which stopping rule the installed libraries obey."),
+    "probe": ("probe", "Measure which stopping rule your own RANSAC obeys."),
     "explain": ("explain", "What both stopping rules do on your own numbers."),
     "scan": ("scan", "Find stopping rules in source code."),
     "rule": ("rule", "What a rule of the scan finds, why, and what to write instead."),

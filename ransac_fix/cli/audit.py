@@ -1,11 +1,13 @@
 """``ransac-fix audit``: which stopping rule the installed libraries obey, measured."""
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
+    from ransac_fix.audit.expectations import Expectation
     from ransac_fix.audit.model import Report
 
 _EXIT_UNDERSAMPLES = 1
@@ -37,7 +39,15 @@ _EXIT_UNMEASURED = 2
     help="Your confidence there; the library's default if left out.",
 )
 @click.option(
-    "--output-format", type=click.Choice(["text", "json"]), default="text", show_default=True
+    "--expect",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="TOML file of verdicts you know of: only what differs from it fails.",
+)
+@click.option(
+    "--output-format",
+    type=click.Choice(["text", "json", "markdown", "junit"]),
+    default="text",
+    show_default=True,
 )
 @click.option("--points", "every_point", is_flag=True, help="Print every measured point.")
 @click.option(
@@ -58,6 +68,7 @@ def command(
     n_samples: int | None,
     inlier_ratio: float | None,
     confidence: float | None,
+    expect: Path | None,
     output_format: str,
     every_point: bool,
     timeout: float,
@@ -73,6 +84,7 @@ def command(
     """
     from importlib.metadata import entry_points
 
+    from ransac_fix.audit.expectations import load_expectations
     from ransac_fix.audit.session import Options, audit
 
     if patched and python:
@@ -84,6 +96,7 @@ def command(
     problems: tuple[tuple[int, int, float | None], ...] = ()
     if n_samples is not None and inlier_ratio is not None:
         problems = ((n_samples, round(n_samples * inlier_ratio), confidence),)
+    expectations = None if expect is None else load_expectations(expect)
     options = Options(
         systems=systems,
         python=python or sys.executable,
@@ -95,7 +108,24 @@ def command(
     )
     with _Progress() as progress:
         report = audit(options, progress.done)
-    if output_format == "json":
+    show(report, output_format, every_point=every_point)
+    code = exit_code(report)
+    if expectations is not None and code != _EXIT_UNMEASURED:
+        code = _surprises(report, expectations)
+    ctx.exit(code)
+
+
+def show(report: "Report", output_format: str, *, every_point: bool) -> None:
+    """Print a report."""
+    if output_format == "markdown":
+        from ransac_fix.report.verdicts_markdown import verdicts_markdown
+
+        click.echo(verdicts_markdown(report))
+    elif output_format == "junit":
+        from ransac_fix.report.verdicts_junit import verdicts_junit
+
+        click.echo(verdicts_junit(report))
+    elif output_format == "json":
         from ransac_fix.report.verdicts_json import verdicts_json
 
         click.echo(verdicts_json(report))
@@ -105,10 +135,10 @@ def command(
         from ransac_fix.report.verdicts_text import print_verdicts
 
         print_verdicts(report, Console(highlight=False, markup=False), every_point=every_point)
-    ctx.exit(_exit_code(report))
 
 
-def _exit_code(report: "Report") -> int:
+def exit_code(report: "Report") -> int:
+    """Return 2 where a control failed or nothing was measured, 1 where something undersamples."""
     if not all(control.passed for control in report.controls):
         return _EXIT_UNMEASURED
     if all(verdict.verdict == "not measured" for verdict in report.verdicts):
@@ -116,6 +146,20 @@ def _exit_code(report: "Report") -> int:
     if any(verdict.verdict == "undersamples" for verdict in report.verdicts):
         return _EXIT_UNDERSAMPLES
     return 0
+
+
+def _surprises(report: "Report", expectations: "tuple[Expectation, ...]") -> int:
+    """Name on stderr what differs from the expectations; return the exit code."""
+    from ransac_fix.audit.expectations import compare
+
+    surprises = compare(report, expectations)
+    for verdict in surprises.unexpected:
+        name = f"{verdict.system} {verdict.entry_point}"
+        click.echo(f"unexpected: {name}: {verdict.verdict}: {verdict.reason}", err=True)
+    for one in surprises.unmet:
+        line = f"expected but not seen: {one.system} {one.entry_point}: {one.verdict}"
+        click.echo(line, err=True)
+    return _EXIT_UNDERSAMPLES if surprises.unexpected or surprises.unmet else 0
 
 
 class _Progress:

@@ -3,7 +3,10 @@
 import io
 import json
 import math
+import re
+import sys
 from importlib.resources import files
+from xml.etree import ElementTree
 
 import jsonschema
 import msgspec
@@ -12,6 +15,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from ransac_fix.audit import session
+from ransac_fix.audit.expectations import load_expectations
 from ransac_fix.audit.model import (
     AtDefaults,
     Control,
@@ -24,7 +28,10 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.cli import audit as audit_command
 from ransac_fix.cli import main
+from ransac_fix.errors import RansacFixError
 from ransac_fix.report.verdicts_json import verdicts_json
+from ransac_fix.report.verdicts_junit import verdicts_junit
+from ransac_fix.report.verdicts_markdown import verdicts_markdown
 from ransac_fix.report.verdicts_text import print_verdicts
 
 CONTROL = Control("exact", "a; distinct", "a; distinct", True, 100)
@@ -133,3 +140,102 @@ def test_distribution_and_import_names_are_understood():
     for name in ("opencv", "cv2", "opencv-python-headless"):
         assert list(session._chosen((name,))) == ["opencv"]
     assert list(session._chosen(("sklearn", "kornia"))) == ["scikit-learn", "kornia"]
+
+
+def test_markdown_is_one_table_with_reasons_below():
+    text = verdicts_markdown(report(VERDICT, Verdict("kornia", "RANSAC", "0.9.0", "exact", "why")))
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) == 4
+    assert all(row.count(" | ") == 3 for row in rows)
+    assert "`round(ln(1-s)/ln(1-(I/n)^4))`" in rows[2]
+    assert "**opencv findHomography(RANSAC)**: assumes P = (I/n)^4, but draws" in text
+    assert "**kornia" not in text
+
+
+def test_markdown_escapes_what_a_library_says():
+    crash = Verdict("a", "b", None, "not measured", "crashed: <b>|`x`_y_")
+    assert r"\<b\>\|\`x\`\_y\_" in verdicts_markdown(report(crash))
+
+
+def test_junit_counts_failures_skips_and_errors():
+    result = report(
+        VERDICT,
+        Verdict("a", "b", None, "not measured", "crashed & <burnt>"),
+        Verdict("a", "c", None, "oversamples", "slow"),
+        controls=(CONTROL, Control("c", "x", "y", False, 1)),
+    )
+    suite = ElementTree.fromstring(verdicts_junit(result))
+    assert suite.attrib["tests"] == "5"
+    assert (suite.attrib["failures"], suite.attrib["errors"], suite.attrib["skipped"]) == (
+        "1",
+        "1",
+        "1",
+    )
+    assert len(suite.findall("testcase")) == 5
+    assert suite.find("testcase/skipped").attrib["message"] == "crashed & <burnt>"
+    assert "undersamples" in suite.find("testcase/failure").attrib["message"]
+
+
+EXPECT = """
+[[expect]]
+system = "opencv"
+entry_point = "{entry_point}"
+verdict = "{verdict}"
+reason = "waiting for upstream"
+"""
+
+
+@pytest.mark.parametrize(
+    ("entry_point", "verdict", "code", "said"),
+    [
+        ("findHomography(RANSAC)", "undersamples", 0, ""),
+        ("*", "undersamples", 0, ""),
+        ("findHomography(RANSAC)", "exact", 1, "unexpected: opencv findHomography(RANSAC)"),
+        (
+            "findHomography(RHO)",
+            "undersamples",
+            1,
+            "expected but not seen: opencv findHomography(RHO)",
+        ),
+    ],
+)
+def test_expectations_decide_what_fails(monkeypatch, tmp_path, entry_point, verdict, code, said):
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT))
+    file = tmp_path / "audit.toml"
+    file.write_text(EXPECT.format(entry_point=entry_point, verdict=verdict))
+    run = CliRunner().invoke(audit_command.command, ["--expect", str(file)])
+    assert run.exit_code == code, run.output
+    assert said in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[[expect]]\nsystem = 'opencv'\n", "lacks entry_point"),
+        (EXPECT.format(entry_point="x", verdict="fine"), "verdict must be one of"),
+        ("[expect]\nsystem = 1\n", "must hold [[expect]] tables"),
+        ("= nothing", "not TOML"),
+        (EXPECT.format(entry_point="x", verdict="exact") + "until = 'later'\n", "has until"),
+    ],
+)
+def test_a_wrong_expectations_file_is_one_line(tmp_path, text, complaint):
+    file = tmp_path / "audit.toml"
+    file.write_text(text)
+    with pytest.raises(RansacFixError, match=re.escape(complaint)) as error:
+        load_expectations(file)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--patched", "--python", sys.executable], "leave out --python"),
+        (["--n", "20"], "belong together"),
+        (["--confidence", "0.9"], "needs --n"),
+        (["--python", "/no/such/python"], "does not exist"),
+    ],
+)
+def test_options_that_do_not_go_together(arguments, complaint):
+    run = CliRunner().invoke(audit_command.command, arguments)
+    assert run.exit_code == 2
+    assert complaint in run.output

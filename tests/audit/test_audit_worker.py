@@ -43,7 +43,7 @@ def probe(tmp_path: Path, body: str, module: str = "json") -> Path:
 
 def audit(file: Path, seconds: float = 20.0):
     options = Options((), sys.executable, seconds)
-    crew = session._Crew({"invented": file}, options, lambda _: None)
+    crew = session._Crew([session._Job("invented", file)], options, lambda _: None)
     crew.work()
     (job,) = crew.jobs
     return job.verdicts() if job.installed else None

@@ -61,7 +61,9 @@ class Worker:
             "entry_points": [described(one) for one in listed],
         }
 
-    def _version(self, library: object) -> str:
+    def _version(self, library: object) -> str | None:
+        if not self.probe.distributions:
+            return None
         for distribution in self.probe.distributions:
             try:
                 return importlib.metadata.version(distribution)
@@ -129,4 +131,6 @@ def serve(probe_file: Path, requests: Iterable[str], answers: TextIO) -> None:
 
 def _one_line(error: BaseException) -> str:
     text = " ".join(str(error).split())[:200]
+    if type(error).__name__ == "RansacFixError":
+        return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -25,6 +25,7 @@ LARGEST_CONFIDENCE = 1 - 2.0**-53
 U_RANGE = (0.01, 25.0)
 # A flip is known to this fraction of a trial.
 RESOLUTION = 0.03
+NOT_FOUND = "the larger model was not found within the budget"
 NEVER_STOPS = "the rule never stops before the larger model"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
 # Runs of one stream that is another each time.
@@ -133,7 +134,7 @@ def _trial_of_b_after_a(stream: Stream, largest: int) -> int:
             break
         a_seen |= group is not None
         if budget >= largest:
-            raise Discarded("the larger model was not found within the budget")
+            raise Discarded(NOT_FOUND)
         budget = min(2 * budget, largest)
     if not a_seen:
         raise Discarded("no smaller model was seen before the larger one")

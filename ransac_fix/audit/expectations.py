@@ -1,0 +1,127 @@
+"""What a project expects of its libraries: a file of verdicts it knows of and accepts."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from ransac_fix.audit.model import Judgement, Report, Verdict
+from ransac_fix.errors import RansacFixError
+
+_KEYS = {"system", "entry_point", "verdict", "reason"}
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """One verdict that is expected.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    entry_point : str
+        As the audit prints it; ``"*"`` for all of the system.
+    verdict : str
+        The verdict expected.
+    reason : str
+        Why it is accepted.
+    """
+
+    system: str
+    entry_point: str
+    verdict: Judgement
+    reason: str
+
+    def covers(self, verdict: Verdict) -> bool:
+        """Whether it speaks of this entry point."""
+        return self.system == verdict.system and self.entry_point in ("*", verdict.entry_point)
+
+
+@dataclass(frozen=True, slots=True)
+class Surprises:
+    """How an audit differs from what was expected.
+
+    Parameters
+    ----------
+    unexpected : tuple of Verdict
+        Verdicts that fail and that no expectation covers, or that differ from the one that does.
+    unmet : tuple of Expectation
+        Expectations that covered nothing measured.
+    """
+
+    unexpected: tuple[Verdict, ...]
+    unmet: tuple[Expectation, ...]
+
+
+def load_expectations(path: Path) -> tuple[Expectation, ...]:
+    """Read an expectations file.
+
+    Parameters
+    ----------
+    path : Path
+        TOML with ``[[expect]]`` tables of ``system``, ``entry_point``, ``verdict`` and ``reason``.
+
+    Returns
+    -------
+    tuple of Expectation
+
+    Raises
+    ------
+    RansacFixError
+        If the file cannot be read or says something else.
+    """
+    try:
+        document = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise RansacFixError(f"{path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RansacFixError(f"{path}: not TOML: {error}") from None
+    tables = document.get("expect", [])
+    if set(document) - {"expect"} or not isinstance(tables, list):
+        raise RansacFixError(f"{path}: must hold [[expect]] tables and nothing else")
+    return tuple(_expectation(path, number, table) for number, table in enumerate(tables, 1))
+
+
+def _expectation(path: Path, number: int, table: Any) -> Expectation:
+    where = f"{path}: [[expect]] number {number}"
+    if not isinstance(table, dict) or not all(isinstance(v, str) for v in table.values()):
+        raise RansacFixError(f"{where} must be a table of strings")
+    missing, unknown = _KEYS - set(table), set(table) - _KEYS
+    if missing or unknown:
+        wrong = [*(f"lacks {key}" for key in sorted(missing)), *(f"has {k}" for k in unknown)]
+        raise RansacFixError(f"{where} {', '.join(wrong)}; its keys are {', '.join(sorted(_KEYS))}")
+    if table["verdict"] not in get_args(Judgement):
+        raise RansacFixError(f"{where}: verdict must be one of {', '.join(get_args(Judgement))}")
+    return Expectation(**table)
+
+
+def compare(report: Report, expectations: tuple[Expectation, ...]) -> Surprises:
+    """Compare an audit with what was expected.
+
+    An expectation for one entry point goes before one for all of its system.
+
+    Parameters
+    ----------
+    report : Report
+        The audit.
+    expectations : tuple of Expectation
+        What was expected.
+
+    Returns
+    -------
+    Surprises
+    """
+    unexpected = []
+    met: set[int] = set()
+    ordered = sorted(range(len(expectations)), key=lambda i: expectations[i].entry_point == "*")
+    for verdict in report.verdicts:
+        index = next((i for i in ordered if expectations[i].covers(verdict)), None)
+        if index is None:
+            if verdict.verdict == "undersamples":
+                unexpected.append(verdict)
+            continue
+        met.add(index)
+        if expectations[index].verdict != verdict.verdict:
+            unexpected.append(verdict)
+    unmet = tuple(one for index, one in enumerate(expectations) if index not in met)
+    return Surprises(tuple(unexpected), unmet)

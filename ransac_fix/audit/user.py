@@ -1,0 +1,109 @@
+"""A user's own RANSAC, wrapped so that it is measured like a library."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
+from ransac_fix.audit.worker.planted import PROBLEMS, Planted, plant
+from ransac_fix.errors import RansacFixError
+
+# The minimal samples of the planted problems.
+SAMPLE_SIZES = {
+    "line": 2,
+    "plane": 3,
+    "translation": 1,
+    "similarity": 2,
+    "affine": 3,
+    "homography": 4,
+    "fundamental": 7,
+    "essential": 5,
+    "absolute_pose": 3,
+    "translation3d": 1,
+    "rigid3d": 3,
+    "similarity3d": 3,
+    "affine3d": 4,
+}
+
+
+def entry_point(
+    function: Callable[..., Any],
+    *,
+    problem: str,
+    sample_size: int | None = None,
+    name: str | None = None,
+    typical_trials: int = 40,
+) -> EntryPoint:
+    """Wrap a function as an entry point.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(x, y, *, threshold, max_trials, confidence, seed)``; it returns the inliers as
+        a boolean mask over the measurements or None, or such a mask and the number of trials.
+    problem : str
+        The planted problem it can solve; key of `SAMPLE_SIZES`.
+    sample_size : int, optional
+        k, where it is not that of the problem's usual minimal solver.
+    name : str, optional
+        For the report.
+    typical_trials : int, optional
+        How many trials a run may take: lower for a slow function.
+
+    Returns
+    -------
+    EntryPoint
+
+    Raises
+    ------
+    RansacFixError
+        If the problem is unknown or the function returns something else.
+    """
+    if problem not in SAMPLE_SIZES:
+        raise RansacFixError(f"unknown problem {problem!r}: use one of {', '.join(SAMPLE_SIZES)}")
+    k = sample_size or SAMPLE_SIZES[problem]
+    title = str(name or getattr(function, "__qualname__", type(function).__name__))
+
+    def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+        assert settings is not None
+        found = function(
+            planted.x,
+            planted.y,
+            threshold=planted.threshold,
+            max_trials=settings.max_trials,
+            confidence=settings.confidence,
+            seed=seed,
+        )
+        return _outcome(found, planted.n_samples, title)
+
+    tried = plant(problem, 2 * k + 4, k + 1, 1, 0, 0)
+    first = run(tried, Settings(20, 0.9), 0)
+    # Solvers that give several models meet further measurements by chance.
+    spare = 2 if problem in ("fundamental", "essential") else 1
+    assert problem in PROBLEMS
+    return EntryPoint(
+        title,
+        problem,
+        k,
+        run,
+        counted=first.trials is not None,
+        typical_trials=typical_trials,
+        spare=spare,
+    )
+
+
+def _outcome(found: Any, n: int, title: str) -> Outcome:
+    trials = None
+    if isinstance(found, tuple) and len(found) == 2:
+        found, count = found
+        trials = int(count)
+    if found is None:
+        return Outcome(None, trials)
+    mask = np.asarray(found)
+    if mask.dtype != np.bool_ or mask.shape != (n,):
+        raise RansacFixError(
+            f"{title} must return a boolean mask of shape ({n},), or one and the number of "
+            f"trials, not {type(found).__name__} of shape {mask.shape} and type {mask.dtype}"
+        )
+    return Outcome(mask, trials)

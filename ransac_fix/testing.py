@@ -1,0 +1,140 @@
+"""The audit's measurement for test suites: does my RANSAC stop when it should.
+
+A RANSAC is wrapped in a function ``function(x, y, *, threshold, max_trials, confidence, seed)``
+that returns the inliers as a boolean mask over the measurements (None where no model was found),
+or such a mask and the number of trials run. x and y are arrays with one measurement a row, the
+two sides of it:
+
+=================  =========================  ==========================  ==
+problem            x                          y                           k
+=================  =========================  ==========================  ==
+``line``           (n, 1) abscissa            (n, 1) ordinate             2
+``plane``          (n, 3) point               (n, 0) nothing              3
+``translation``    (n, 2) pixel               (n, 2) pixel                1
+``similarity``     (n, 2) pixel               (n, 2) pixel                2
+``affine``         (n, 2) pixel               (n, 2) pixel                3
+``homography``     (n, 2) pixel               (n, 2) pixel                4
+``fundamental``    (n, 2) pixel               (n, 2) pixel                7
+``essential``      (n, 2) pixel               (n, 2) pixel                5
+``absolute_pose``  (n, 3) world point         (n, 2) pixel                3
+``translation3d``  (n, 3) point               (n, 3) point                1
+``rigid3d``        (n, 3) point               (n, 3) point                3
+``similarity3d``   (n, 3) point               (n, 3) point                3
+``affine3d``       (n, 3) point               (n, 3) point                4
+=================  =========================  ==========================  ==
+
+Cameras have a focal length of 1000 pixels and their centre at (512, 512). Any floor on the number
+of trials must be 0 and any multiplier 1. The same seed must give the same samples, whatever the
+other arguments.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from ransac_fix.audit.judge import judge
+from ransac_fix.audit.local import LocalHost
+from ransac_fix.audit.measure import measure
+from ransac_fix.audit.model import Judgement, Point, Verdict
+from ransac_fix.audit.user import entry_point
+
+__all__ = ["assert_stopping_rule", "measure_stopping_rule"]
+
+
+def measure_stopping_rule(
+    function: Callable[..., Any],
+    *,
+    problem: str,
+    sample_size: int | None = None,
+    typical_trials: int = 40,
+) -> Verdict:
+    """Measure which stopping rule a RANSAC obeys and how it draws its samples.
+
+    Parameters
+    ----------
+    function : callable
+        See the module's documentation.
+    problem : str
+        What it estimates: a row of the table there.
+    sample_size : int, optional
+        k, where it is not the one in the table.
+    typical_trials : int, optional
+        How long a run may be; the measurement takes some hundred runs.
+
+    Returns
+    -------
+    Verdict
+
+    Raises
+    ------
+    RansacFixError
+        If the problem is unknown or the function returns something else than a mask.
+    """
+    host = LocalHost(
+        entry_point(
+            function, problem=problem, sample_size=sample_size, typical_trials=typical_trials
+        )
+    )
+    measured = measure(host, host.described)
+    verdict, reason = judge(measured)
+    return Verdict(
+        "your own",
+        host.described["name"],
+        None,
+        verdict,
+        reason,
+        sampler_law=measured.sampler,
+        stopping_law=measured.fit.law,
+        points=measured.points,
+        defects=measured.defects,
+        runs=measured.runs,
+    )
+
+
+def assert_stopping_rule(
+    function: Callable[..., Any],
+    *,
+    problem: str,
+    sample_size: int | None = None,
+    typical_trials: int = 40,
+    expected: Judgement = "exact",
+) -> None:
+    """Fail unless a RANSAC's stopping rule is what it should be.
+
+    Parameters
+    ----------
+    function, problem, sample_size, typical_trials
+        As in `measure_stopping_rule`.
+    expected : str, optional
+        The verdict that passes.
+
+    Raises
+    ------
+    AssertionError
+        With the law found, the reason and the evidence.
+    RansacFixError
+        As `measure_stopping_rule`.
+
+    Examples
+    --------
+    >>> def test_my_ransac_stops_when_it_should():  # doctest: +SKIP
+    ...     assert_stopping_rule(my_line_ransac, problem="line")
+    """
+    found = measure_stopping_rule(
+        function, problem=problem, sample_size=sample_size, typical_trials=typical_trials
+    )
+    if found.verdict != expected:
+        raise AssertionError(_message(found, expected))
+
+
+def _message(found: Verdict, expected: Judgement) -> str:
+    law = f" by {found.stopping_law.formula}" if found.stopping_law else ""
+    lines = [f"{found.entry_point}: {found.verdict}{law}, not {expected}: {found.reason}"]
+    lines += [_point(point) for point in found.points[:3]]
+    return "\n".join(lines)
+
+
+def _point(point: Point) -> str:
+    return (
+        f"  with {point.n_inliers} of {point.n} in hand, trial {point.trials} happens from "
+        f"-ln(1-s) = {point.u:.4f} on"
+    )
