@@ -32,6 +32,9 @@ _EXIT_ERROR = 2
     metavar="N",
     help="Worker processes; by default one for each core.",
 )
+@click.option("--fix", is_flag=True, help="Write the safe fixes into the files.")
+@click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
+@click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
 @click.option("--exit-zero", is_flag=True, help="Exit with 0 when something is found.")
 @click.pass_context
 def command(
@@ -44,6 +47,9 @@ def command(
     respect_gitignore: bool | None,
     isolated: bool,
     jobs: int,
+    fix: bool,
+    diff: bool,
+    unsafe_fixes: bool,
     exit_zero: bool,
 ) -> None:
     """Find stopping rules with the approximate probability in source code.
@@ -51,9 +57,14 @@ def command(
     PATH is a Python file, a notebook, or a folder. A file is always scanned; below a folder,
     .gitignore files and the usual excludes hold. Nothing that is scanned is imported or run.
 
-    Exit codes: 0 when nothing was found, 1 when something was, 2 when a named file could not be
-    read or the arguments are wrong.
+    A safe fix changes the number of trials and nothing else; --unsafe-fixes takes those too that
+    change what is drawn, or that rest on names alone for what is a count.
+
+    Exit codes: 0 when nothing was found (or all of it was fixed), 1 when something was, 2 when a
+    named file could not be read or the arguments are wrong.
     """
+    from dataclasses import replace
+
     from ransac_fix.report import findings_json, findings_text
     from ransac_fix.scan import scan_paths
     from ransac_fix.scan.configuration import Configuration, find_configuration
@@ -70,6 +81,26 @@ def command(
             settings.respect_gitignore if respect_gitignore is None else respect_gitignore
         ),
     )
+    if fix or diff:
+        from ransac_fix.scan.fixing import fix_findings
+
+        fixed, errors = fix_findings(result.findings, unsafe=unsafe_fixes)
+        if diff:
+            click.echo("".join(one.diff() for one in fixed), nl=False)
+            ctx.exit(_EXIT_FINDINGS if fixed and not exit_zero else 0)
+        done = {id(finding) for one in fixed for finding in one.fixed}
+        for one in fixed:
+            one.write()
+        click.echo(
+            f"Fixed {len(done)} finding{'' if len(done) == 1 else 's'}"
+            f" in {len(fixed)} file{'' if len(fixed) == 1 else 's'}.",
+            err=True,
+        )
+        result = replace(
+            result,
+            findings=tuple(one for one in result.findings if id(one) not in done),
+            errors=(*result.errors, *errors),
+        )
     writers = {
         "full": findings_text.findings_full,
         "concise": findings_text.findings_concise,

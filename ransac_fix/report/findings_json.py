@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from ransac_fix.scan import Finding, Location, ScanResult
+from ransac_fix.scan.findings import Fix
 
 SCHEMA_VERSION = 1
 
@@ -45,6 +46,16 @@ def finding_data(finding: Finding) -> dict[str, Any]:
         "related": [
             {**_place(related.location), "message": related.message} for related in finding.related
         ],
+        "fix": None if finding.fix is None else _fix(finding.fix),
+        "no_fix": finding.no_fix or None,
+    }
+
+
+def _fix(fix: Fix) -> dict[str, Any]:
+    return {
+        "message": fix.message,
+        "safe": fix.safe,
+        "edits": [{**_place(edit.location), "content": edit.content} for edit in fix.edits],
     }
 
 

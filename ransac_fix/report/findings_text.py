@@ -30,6 +30,11 @@ def findings_full(result: ScanResult) -> str:
         if roles:
             lines.append(f"    {'; '.join(roles)}")
         lines += [f"    {_place(one.location)}: {one.message}" for one in finding.related]
+        if finding.fix is not None:
+            option = "--fix" if finding.fix.safe else "--fix --unsafe-fixes"
+            lines.append(f"    {option}: {finding.fix.message}")
+        elif finding.no_fix:
+            lines.append(f"    no fix: {finding.no_fix}")
         blocks.append("\n".join(lines))
     return "\n\n".join([*blocks, *_errors(result), summary(result)]) + "\n"
 

@@ -272,8 +272,8 @@ def has_structure(expr: Expr, depth: int = 0) -> bool:
 class Power:
     """``base ** (exponent * symbol)``.
 
-    ``written`` and ``raised`` are the exponent and the base of the power as written; the base may
-    since have been taken apart.
+    ``written`` and ``raised`` are the exponent and the base of the power as written, ``whole`` the
+    power itself; the base may since have been taken apart.
     """
 
     base: Expr
@@ -281,6 +281,7 @@ class Power:
     symbol: Expr | None = None
     written: Expr | None = None
     raised: Expr | None = None
+    whole: Expr | None = None
 
     def to(self, base: Expr, times: float = 1.0) -> "Power":
         """Raise another base to this power, or to a multiple of it."""
@@ -343,7 +344,11 @@ def _raised(
     value = number(exponent)
     if value is not None:
         inner = replace(
-            power, exponent=power.exponent * sign * value, written=exponent, raised=base
+            power,
+            exponent=power.exponent * sign * value,
+            written=exponent,
+            raised=base,
+            whole=whole,
         )
     elif power.symbol is None:
         inner = replace(
@@ -352,6 +357,7 @@ def _raised(
             symbol=exponent,
             written=exponent,
             raised=base,
+            whole=whole,
         )
     else:
         yield [power.to(whole)]
@@ -570,6 +576,10 @@ class Probability:
         Where the ratio is a quotient, its two counts.
     constant : float
         A factor that is not part of the probability of the sample, such as 1/3.
+    other_factors : int
+        How many more such factors there are.
+    power : Expr or None
+        The power itself, where it is written as one.
     """
 
     kind: str
@@ -580,6 +590,7 @@ class Probability:
     n_samples: Expr | None = None
     constant: float = 1.0
     other_factors: int = 0
+    power: Expr | None = None
 
 
 def classify(expr: Expr) -> Probability | None:
@@ -714,6 +725,7 @@ def _ratio_power(
         exponent_value=value,
         n_inliers=base if bottoms else None,
         n_samples=bottoms[0].base if bottoms else None,
+        power=tops[0].whole,
     )
 
 
@@ -730,3 +742,70 @@ def is_reciprocal(expr: Expr) -> bool:
             case Op(op="pow", args=(_, power)) if (number(power) or 0.0) < 0:
                 return True
     return False
+
+
+# ---- counts ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """The two counts of a ratio of inliers, and the division that makes it of them."""
+
+    n_inliers: Expr
+    n_samples: Expr
+    division: Expr
+
+
+def counts_of(ratio: Expr) -> Counts | None:
+    """Read I and n out of I/n, 1 - outliers/n or 1 - (n - I)/n, where there is one way to.
+
+    Unlike the recogniser this reads no choices: a ratio that may be one of several has no counts
+    that always belong to it.
+    """
+    expr = _definite(ratio)
+    match expr:
+        case Op(op="div", args=(top, bottom)):
+            return Counts(top, bottom, expr)
+        case Op(op="add" | "sub"):
+            constant = 0.0
+            others: list[tuple[int, Expr]] = []
+            for sign, term in terms(expr):
+                value = number(term)
+                if value is None:
+                    others.append((sign, _definite(term)))
+                else:
+                    constant += sign * value
+            if len(others) != 1:
+                return None
+            sign, other = others[0]
+            match other:
+                case Op(op="div", args=(top, bottom)):
+                    if constant == 0.0 and sign > 0:
+                        return Counts(top, bottom, other)
+                    if constant == 1.0 and sign < 0:
+                        return Counts(_rest_of(bottom, top), bottom, other)
+    return None
+
+
+def _definite(expr: Expr) -> Expr:
+    expr = plain(expr)
+    while isinstance(expr, Fn) and expr.name == "clamp":
+        kept = _meaningful(expr.args)
+        if len(kept) != 1:
+            break
+        expr = plain(kept[0])
+    return expr
+
+
+def _rest_of(total: Expr, part: Expr) -> Expr:
+    """Give total - part, or I where part is itself total - I."""
+    rest: list[Expr] = []
+    signs = 0
+    for sign, term in terms(part):
+        if sign > 0 and key(term) == key(total):
+            signs += 1
+        else:
+            rest.append(term)
+    if signs == 1 and len(rest) == 1:
+        return rest[0]
+    return Op("sub", (total, part))

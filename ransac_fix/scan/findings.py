@@ -39,6 +39,33 @@ class Related:
 
 
 @dataclass(frozen=True, slots=True)
+class Edit:
+    """A change of the text of a file: what stands in ``location`` becomes ``content``."""
+
+    location: Location
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A change that makes a finding go away.
+
+    Attributes
+    ----------
+    message : str
+        What it does.
+    safe : bool
+        Whether it changes the number of trials and nothing else. Fixes that change what is drawn,
+        or that rest on names alone for what is a count, are not.
+    edits : tuple of Edit
+    """
+
+    message: str
+    safe: bool
+    edits: tuple[Edit, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One place where a rule of ``scan/rules`` is broken.
 
@@ -59,6 +86,9 @@ class Finding:
         The source of the place with its white space normalised.
     related : tuple of Related
         Other places, such as where the sample is drawn.
+    fix : Fix or None
+    no_fix : str
+        Why there is none.
     suppression : str or None
         The reason given by the comment that sets it aside; None where there is no such comment.
     """
@@ -70,6 +100,8 @@ class Finding:
     roles: Mapping[str, str] = field(default_factory=dict)
     expression: str = ""
     related: tuple[Related, ...] = ()
+    fix: Fix | None = None
+    no_fix: str = ""
     suppression: str | None = None
 
 

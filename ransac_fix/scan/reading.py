@@ -64,6 +64,7 @@ class Text:
     def __init__(self, source: str) -> None:
         self.source = source
         self.lines = split_lines(source)
+        self.line_end = "\r\n" if "\r\n" in source else "\n"
 
     def at(self, span: Span) -> str:
         """Give the source of a span on one line."""
@@ -119,10 +120,14 @@ def read_sites(
 def _roles(site: Site, text: Text) -> dict[str, str]:
     probability = site.probability
     roles: dict[str, str] = {}
+    n_inliers, n_samples = probability.n_inliers, probability.n_samples
+    counts = algebra.counts_of(probability.ratio) if probability.ratio is not None else None
+    if n_inliers is None and counts is not None:
+        n_inliers, n_samples = counts.n_inliers, counts.n_samples
     for name, expr in (
         ("inlier_ratio", probability.ratio),
-        ("n_inliers", probability.n_inliers),
-        ("n_samples", probability.n_samples),
+        ("n_inliers", n_inliers),
+        ("n_samples", n_samples),
         ("sample_size", probability.exponent),
         ("confidence", site.confidence),
         ("trials", site.trials),
@@ -146,6 +151,9 @@ def spell(expr: Expr, text: Text) -> str | None:
     if expr.span is not None:
         source = " ".join(text.at(expr.span).split())
         return source if len(source) <= 120 else None
+    if isinstance(expr, Op) and expr.op == "sub":
+        parts = [spell(arg, text) for arg in expr.args]
+        return f"{parts[0]} - {parts[1]}" if all(parts) else None
     name = getattr(expr, "name", None)
     return name if isinstance(name, str) else None
 
@@ -210,12 +218,13 @@ def _is_adaptive(site: Site) -> bool:
     """Whether the inlier ratio is found by the run itself."""
     if site.form == "test" or any(candidate.loops for candidate in site.seen):
         return True
-    if site.probability.n_inliers is not None:
+    ratio = site.probability.ratio
+    counted = ratio is not None and algebra.counts_of(ratio) is not None
+    if counted or site.probability.n_inliers is not None:
         return True
     # A function of the ratio that nothing here calls: what it is called with is not known, and a
     # ratio that is a parameter without a default may be anything.
     called = any(candidate.call is not None for candidate in site.seen)
-    ratio = site.probability.ratio
     if called or site.function is None or ratio is None:
         return False
     if algebra.number(ratio) is not None or _loops(site.function.body):

@@ -97,9 +97,20 @@ def decode(data: bytes) -> str:
     SyntaxError, UnicodeDecodeError, LookupError
         The bytes are not text in the encoding that the file declares.
     """
+    return data.decode(encoding_of(data))
+
+
+def encoding_of(data: bytes) -> str:
+    """Give the encoding of Python source.
+
+    Raises
+    ------
+    SyntaxError
+        The source declares an encoding that does not exist.
+    """
     lines = iter(data.split(b"\n", 2)[:2])
     encoding, _ = tokenize.detect_encoding(lambda: next(lines, b""))
-    return data.decode(encoding)
+    return encoding
 
 
 def _scan_python(
@@ -137,7 +148,15 @@ def _scan_python(
         return python.read(tree, source)
 
     comments = tuple(python_comments(source)) if commented else ()
-    findings = check(module, Text(source), file.path, rules, whole=whole, comments=comments)
+    findings = check(
+        module,
+        Text(source),
+        file.path,
+        rules,
+        whole=whole,
+        comments=comments,
+        language="python 2" if repaired else "python",
+    )
     if findings and not repaired:
         return _confirmed(source, file, findings)
     return tuple(findings), ()
@@ -151,6 +170,7 @@ def check(
     *,
     whole: Callable[[], Module] | None = None,
     comments: tuple[Comment, ...] = (),
+    language: str = "python",
 ) -> list[Finding]:
     """Check one module in the small form.
 
@@ -166,6 +186,8 @@ def check(
         Gives the whole file, where ``module`` is a part of it.
     comments : tuple of Comment
         Its comments, where one could set a finding aside.
+    language : str
+        As in :class:`~ransac_fix.scan.rules.ScannedFile`.
 
     Returns
     -------
@@ -173,7 +195,7 @@ def check(
         In order of place; those set aside have a ``suppression``.
     """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites), comments)
+    scanned = ScannedFile(path, text, module, tuple(sites), comments, language)
     chosen = all_rules() if rules is None else rules
     found = [finding for rule in chosen for finding in rule.check(scanned)]
     kept, suppressed, unused = apply(found, suppressions(comments))
@@ -237,7 +259,9 @@ def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule] | None) 
     )
     module = python.parse(notebook.source)
     comments = tuple(python_comments(notebook.source))
-    findings = check(module, Text(notebook.source), file.path, rules, comments=comments)
+    findings = check(
+        module, Text(notebook.source), file.path, rules, comments=comments, language="notebook"
+    )
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 
 

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ransac_fix.scan.findings import Certainty, Finding, Location, Related
+from ransac_fix.scan.findings import Certainty, Finding, Fix, Location, Related
+from ransac_fix.scan.fixes import fix_probability
 from ransac_fix.scan.form import Module, Span
 from ransac_fix.scan.reading import ReadSite, Text
 from ransac_fix.scan.suppressions import Comment, Suppression
@@ -30,6 +31,8 @@ class ScannedFile:
         Every stopping rule of the file, exact ones too.
     comments : tuple of Comment
         Its comments; read only where one could set a finding aside.
+    language : str
+        "python", "notebook", or "python 2" for what had to be repaired to be read.
     """
 
     path: str
@@ -37,6 +40,7 @@ class ScannedFile:
     module: Module
     sites: tuple[ReadSite, ...]
     comments: tuple[Comment, ...] = ()
+    language: str = "python"
 
     def location(self, span: Span) -> Location:
         """Give a span as a location of this file."""
@@ -89,6 +93,7 @@ class SiteRule(Rule):
             if certainty is None or read.site.probability.kind != "approximate":
                 continue
             if self.applies(read):
+                fix = self.fix(read, file)
                 yield Finding(
                     self.code,
                     file.location(read.site.span),
@@ -97,12 +102,20 @@ class SiteRule(Rule):
                     dict(read.roles),
                     " ".join(read.expression.split()),
                     tuple(self.related(read, file)),
+                    None if isinstance(fix, str) else fix,
+                    fix if isinstance(fix, str) else "",
                 )
 
     def certainty(self, read: ReadSite, certainty: Certainty) -> Certainty:
         """Adjust how sure a site is to be one, for this rule."""
         del read
         return certainty
+
+    def fix(self, read: ReadSite, file: ScannedFile) -> Fix | str:
+        """Give the change that mends a site, or say why there is none."""
+        if file.language != "python":
+            return f"fixes are not written into {file.language} files"
+        return fix_probability(read, file.text, file.path)
 
     def related(self, read: ReadSite, file: ScannedFile) -> Iterator[Related]:
         """Give the other places that belong to a site."""

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from typing import ClassVar
 
-from ransac_fix.scan.findings import Related
+from ransac_fix.scan.findings import Fix, Related
+from ransac_fix.scan.fixes import fix_sampler
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.rules.base import ScannedFile, SiteRule, power_of
 
@@ -97,6 +98,20 @@ def ransac(points, fit, k, confidence):
         return (
             f"the rule takes {power_of(read)}, but the sample is drawn with replacement and may"
             " repeat a point: draw distinct samples and use the exact probability"
+        )
+
+    def fix(self, read: ReadSite, file: ScannedFile) -> Fix | str:
+        """Change sampler and rule together, or neither."""
+        rule = super().fix(read, file)
+        if isinstance(rule, str):
+            return rule
+        sampler = fix_sampler(read, file.text, file.path)
+        if isinstance(sampler, str):
+            return sampler
+        return Fix(
+            f"{sampler.message}, and {rule.message}",
+            safe=False,
+            edits=(*sampler.edits, *rule.edits),
         )
 
     def related(self, read: ReadSite, file: ScannedFile) -> Iterator[Related]:
