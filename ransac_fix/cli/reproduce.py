@@ -256,6 +256,13 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
             "PoseLib benchmark's HDF5 files. Without it, the stereo pair inside scikit-image.",
         ),
         click.option(
+            "--dataset",
+            "datasets",
+            multiple=True,
+            metavar="PART",
+            help="Only the data sets with this in their name. Several times for several.",
+        ),
+        click.option(
             "--library",
             type=click.Choice(["poselib", "opencv", "colmap"]),
             default="poselib",
@@ -326,6 +333,7 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
 )
 def pose(
     data: Path | None,
+    datasets: tuple[str, ...],
     library: str,
     repeats: int | None,
     cap: int,
@@ -342,6 +350,7 @@ def pose(
     ns = ns or ((20, 50) if data is None else (20, 100, 200, 1000))
     rows = _pose_rows(
         data,
+        datasets,
         library,
         repeats,
         cap,
@@ -386,6 +395,7 @@ def pose(
 )
 def teaser(
     data: Path | None,
+    datasets: tuple[str, ...],
     library: str,
     repeats: int | None,
     cap: int,
@@ -401,7 +411,18 @@ def teaser(
     check_drawable(output)
     confidences = (0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 0.9999)
     rows = _pose_rows(
-        data, library, repeats, cap, seed, jobs, (kind,), (n_samples,), confidences, False, False
+        data,
+        datasets,
+        library,
+        repeats,
+        cap,
+        seed,
+        jobs,
+        (kind,),
+        (n_samples,),
+        confidences,
+        False,
+        False,
     )
     from ransac_fix.report.pose import draw_teaser, teaser_text
 
@@ -414,6 +435,7 @@ def teaser(
 
 def _pose_rows(
     data: Path | None,
+    datasets: tuple[str, ...],
     library: str,
     repeats: int | None,
     cap: int,
@@ -433,12 +455,15 @@ def _pose_rows(
     from ransac_fix.experiments.pose.tables import Settings, run_problems, summarise
 
     problems = load_stereo_pair() if data is None else load_problems(data)
+    if datasets:
+        problems = [p for p in problems if any(part in p.dataset for part in datasets)]
     problems = [problem for problem in problems if problem.kind in kinds]
     if repeats is None:
         repeats = 100 if data is None else 5
     if not any(len(problem.first) >= n for problem in problems for n in ns):
         raise click.UsageError(
             f"no pair of kind {', '.join(kinds)} has {min(ns)} correspondences or more"
+            + (f" in the data sets named {', '.join(datasets)}" if datasets else "")
         )
     patched = None
     if patch:

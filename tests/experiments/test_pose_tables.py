@@ -240,7 +240,7 @@ def test_the_papers_tables_are_whole():
 
 
 def test_the_stereo_pair_runs_from_the_command_line():
-    text = run("pose", "--repeats", "2", "--n", "20", "--kind", "pnp")
+    text = run("pose", "--repeats", "2", "--n", "20", "--kind", "pnp", "--dataset", "motor")
     assert "Perspective-n-Point (poselib)" in text
     assert "1 pairs, 2 subsamples" in text
     assert "paper" not in text
@@ -285,6 +285,7 @@ def test_the_teaser_comes_out_of_one_command(tmp_path):
     ("args", "message"),
     [
         (["pose", "--n", "100000"], "has 100000 correspondences or more"),
+        (["pose", "--dataset", "nowhere"], "in the data sets named nowhere"),
         (["pose", "--jobs", "0"], "--jobs 0"),
         (["pose", "--confidence", "1"], "--confidence"),
         (["pose", "--n", "5"], "--n"),
