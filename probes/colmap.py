@@ -134,6 +134,8 @@ def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
         EntryPoint(name, problem, k, make(name), defaults, spare=spare)
         for name, problem, k, make, spare in table
         if hasattr(pycolmap, name)
+        # Up to 3.x it took rays only.
+        and (name != "estimate_relative_pose" or "camera1" in getattr(pycolmap, name).__doc__)
     ]
 
 
