@@ -57,6 +57,31 @@ _ESTIMATORS = {
 }
 
 
+# Their runs cannot be seen from outside.
+_INSIDE = (
+    "estimate_two_view_geometry",
+    "estimate_calibrated_two_view_geometry",
+    "estimate_generalized_absolute_pose",
+    "estimate_and_refine_generalized_absolute_pose",
+    "estimate_generalized_relative_pose",
+    "estimate_affine2d_robust",
+    "estimate_rigid3d_robust",
+    "estimate_sim3d_robust",
+    "estimate_triangulation",
+    "verify_matches",
+    "geometric_verification",
+    "guided_geometric_verification",
+    "match_exhaustive",
+    "match_image_pairs",
+    "match_sequential",
+    "match_spatial",
+    "match_vocabtree",
+    "incremental_mapping",
+    "hierarchical_mapping",
+    "global_mapping",
+)
+
+
 def _rule(ratio: float, sample_size: int, confidence: float, multiplier: float) -> float:
     """Return what COLMAP's own rule asks for at a ratio of inliers."""
     chance = ratio**sample_size
@@ -115,23 +140,41 @@ def _wrap(module: Any, original: Callable[..., Any], estimator: _Estimator) -> C
     return exact
 
 
-def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: the estimators, where their rule assumes p**k."""
+def _originals(module: ModuleType) -> dict[str, tuple[Callable[..., Any], _Estimator]]:
+    """Return the estimators, if they are as they are known to be."""
     originals = {}
     for name, estimator in _ESTIMATORS.items():
         original = own_function(module, name)
         if original is None or "estimation_options" not in (original.__doc__ or ""):
             raise PatchNotApplicable(f"pycolmap has no {name} that takes estimation_options")
         originals[name] = original, estimator
+    return originals
+
+
+def _wrapped(module: ModuleType) -> tuple[Replacement, ...]:
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(module, original, estimator))
+        for name, (original, estimator) in _originals(module).items()
+    )
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: the estimators, where their rule assumes p**k."""
+    originals = _originals(module)
     assumed = _measured(module, originals["estimate_homography_matrix"][0])
     if assumed is None:
         raise PatchNotApplicable("estimate_homography_matrix follows neither rule")
-    if assumed == "exact":
-        return ()
-    return tuple(
-        Replacement(holder=module, name=name, exact=_wrap(module, original, estimator))
-        for name, (original, estimator) in originals.items()
-    )
+    return () if assumed == "exact" else _wrapped(module)
+
+
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: the estimators, and functions with RANSAC inside."""
+    inside = [
+        Replacement(holder=module, name=name, exact=original)
+        for name in _INSIDE
+        if (original := own_function(module, name)) is not None
+    ]
+    return (*_wrapped(module), *inside)
 
 
 def _measured(module: Any, estimate: Callable[..., Any]) -> str | None:
@@ -163,4 +206,5 @@ PATCH = LibraryPatch(
     requirements=("pycolmap>=3.11.1,<=4.2.1",),
     modules=("pycolmap",),
     plan=plan,
+    observe=observe,
 )

@@ -22,7 +22,9 @@ from typing import TYPE_CHECKING, Any
 
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
+from ransac_fix.patching.missing import own_function
 from ransac_fix.patching.rules import exact_rule, examine
+from ransac_fix.patching.watching import note
 
 if TYPE_CHECKING:
     from kornia.geometry import RANSAC
@@ -170,11 +172,37 @@ _MENDED = {
 }
 
 
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: ``RANSAC.forward``."""
+    original = own_function(module.RANSAC, "forward")
+    if original is None:
+        raise PatchNotApplicable("RANSAC has no method forward")
+
+    def forward(self: Any, *args: Any, **kwargs: Any) -> Any:
+        result = original(self, *args, **kwargs)
+        mask, k = result[1], self.minimal_sample_size
+        n_samples, n_inliers = mask.numel(), int(mask.sum())
+        sizes = self.batch_size, self.max_iter
+        uniform = not getattr(self, "prosac_sampling", False)
+        if n_inliers > 0 and uniform and all(isinstance(size, int) for size in sizes):
+            limit = self.batch_size * self.max_iter
+            if getattr(self, "max_samples", None) is not None:
+                limit = min(limit, self.max_samples)
+            rule = self.max_samples_by_conf(n_inliers, n_samples, k, self.confidence)
+            # The last batch may hold more.
+            trials = min(max(rule, 1), limit)
+            note(n_inliers, n_samples, k, self.confidence, trials, limit)
+        return result
+
+    return (Replacement(holder=module.RANSAC, name="forward", exact=forward),)
+
+
 PATCH = LibraryPatch(
     system="kornia",
     requirements=("kornia>=0.6.1,<=0.9.0,!=0.7.1,!=0.7.2,!=0.8.3",),
     modules=("kornia.geometry.ransac",),
     plan=plan,
+    observe=observe,
 )
 
 

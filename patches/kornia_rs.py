@@ -65,8 +65,8 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     return exact
 
 
-def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: the three functions, where their rule assumes p**k."""
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: the three functions."""
     home = getattr(module, "ransac", None)
     if not isinstance(home, ModuleType):
         raise PatchNotApplicable("kornia_rs has no module ransac")
@@ -82,12 +82,18 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
                 f"kornia_rs.ransac.{name} takes {', '.join(found)} and not {', '.join(_NAMES)}"
             )
         originals[name] = original
-    if _is_exact(originals["homography"]):
-        return ()
     return tuple(
         Replacement(holder=home, name=name, exact=_wrap(original, _SAMPLE_SIZES[name]))
         for name, original in originals.items()
     )
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: the three functions, where their rule assumes p**k."""
+    wrapped = observe(module)
+    homography = own_function(wrapped[0].holder, "homography")
+    assert homography is not None
+    return () if _is_exact(homography) else wrapped
 
 
 def _is_exact(homography: Callable[..., Any]) -> bool:
@@ -114,4 +120,6 @@ PATCH = LibraryPatch(
     requirements=("kornia_rs==0.2.0",),
     modules=("kornia_rs",),
     plan=plan,
+    observe=observe,
+    counts_trials=True,
 )

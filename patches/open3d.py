@@ -187,4 +187,5 @@ PATCH = LibraryPatch(
     requirements=("open3d>=0.19,<=0.20", "open3d-cpu>=0.19,<=0.20"),
     modules=("open3d",),
     plan=plan,
+    observe=plan,
 )

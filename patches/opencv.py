@@ -745,8 +745,15 @@ def _is_matrix(value: object) -> bool:
 def plan(module: ModuleType) -> tuple[Replacement, ...]:
     """Return what to replace: the functions whose signatures are known."""
     kinds = _approximate_kinds(module)
-    if not kinds:
-        return ()
+    return _wrapped(module, kinds) if kinds else ()
+
+
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch. Where one family of methods alone is exact, it is not read."""
+    return _wrapped(module, _approximate_kinds(module) or frozenset({"classic", "usac"}))
+
+
+def _wrapped(module: ModuleType, kinds: frozenset[str]) -> tuple[Replacement, ...]:
     replacements = []
     for name, (choose, forms) in _CHOICES.items():
         original = own_function(module, name)
@@ -776,13 +783,19 @@ def _signatures(function: Callable[..., Any]) -> set[tuple[str, ...]]:
 
 def _approximate_kinds(cv2: ModuleType) -> frozenset[str]:
     """Return the families of methods that assume p**k, as measured."""
-    from ransac_fix.patching.behaviour import assumed_probability
-
     find = own_function(cv2, "estimateAffine2D")  # the quickest
     if find is None:
         raise PatchNotApplicable("cv2 has no estimateAffine2D")
+    return _measured(find, hasattr(cv2, "USAC_DEFAULT"))
+
+
+@lru_cache(maxsize=4)
+def _measured(find: Callable[..., Any], has_usac: bool) -> frozenset[str]:
+    """Return the families in which ``estimateAffine2D`` assumes p**k."""
+    from ransac_fix.patching.behaviour import assumed_probability
+
     methods = {"classic": _RANSAC}
-    if hasattr(cv2, "USAC_DEFAULT"):
+    if has_usac:
         methods["usac"] = _USAC.start
     assumed = {}
     for kind, method in methods.items():
@@ -807,4 +820,5 @@ PATCH = LibraryPatch(
     ),
     modules=("cv2",),
     plan=plan,
+    observe=observe,
 )

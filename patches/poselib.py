@@ -156,8 +156,8 @@ def _chance_by_camera(cameras: list[tuple[int, int]]) -> float:
     return min(chance, 1.0)
 
 
-def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: the estimators, where their rule assumes p**k."""
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: the estimators."""
     originals = {}
     for name, estimator in _ESTIMATORS.items():
         original = own_function(module, name)
@@ -168,12 +168,18 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
         originals[name] = original, estimator
     if "estimate_homography" not in originals:
         raise PatchNotApplicable("poselib has no estimate_homography")
-    if _is_exact(originals["estimate_homography"][0]):
-        return ()
     return tuple(
         Replacement(holder=module, name=name, exact=_wrap(original, estimator))
         for name, (original, estimator) in originals.items()
     )
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: the estimators, where their rule assumes p**k."""
+    wrapped = observe(module)
+    homography = own_function(module, "estimate_homography")
+    assert homography is not None
+    return () if _is_exact(homography) else wrapped
 
 
 def _is_exact(estimate: Callable[..., Any]) -> bool:
@@ -208,4 +214,6 @@ PATCH = LibraryPatch(
     requirements=("poselib>=2.0.5,<=2.0.5",),
     modules=("poselib",),
     plan=plan,
+    observe=observe,
+    counts_trials=True,
 )

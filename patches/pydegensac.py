@@ -92,8 +92,8 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     return exact
 
 
-def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: both functions, where they stop before the exact number."""
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: both functions."""
     originals = {}
     for name in _SAMPLE_SIZES:
         original = own_function(module, name)
@@ -105,20 +105,27 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
                 raise PatchNotApplicable(f"pydegensac.{name} takes no {parameter}")
         originals[name] = original
 
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(original, _SAMPLE_SIZES[name]))
+        for name, original in originals.items()
+    )
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: both functions, where they stop before the exact number."""
+    wrapped = observe(module)
+    find = own_function(module, "findHomography")
+    assert find is not None
+
     def count(x: Any, y: Any, trials: int, confidence: float) -> int:
-        _, mask = originals["findHomography"](x, y, 0.05, confidence, trials, seed=1)
+        _, mask = find(x, y, 0.05, confidence, trials, seed=1)
         return int(mask.sum())
 
     # On these problems the rule with I + 1 asks for the same as p**k.
     assumed = assumed_probability(count, 4)
     if assumed is None:
         raise PatchNotApplicable("findHomography follows neither its known rule nor the exact one")
-    if assumed == "exact":
-        return ()
-    return tuple(
-        Replacement(holder=module, name=name, exact=_wrap(original, _SAMPLE_SIZES[name]))
-        for name, original in originals.items()
-    )
+    return () if assumed == "exact" else wrapped
 
 
 PATCH = LibraryPatch(
@@ -126,4 +133,5 @@ PATCH = LibraryPatch(
     requirements=("pydegensac==0.3.0",),
     modules=("pydegensac",),
     plan=plan,
+    observe=observe,
 )

@@ -11,12 +11,17 @@ for the rest of the program.
 """
 
 import functools
+import inspect
+import sys
 from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
+from ransac_fix.patching.missing import own_function
 from ransac_fix.patching.rules import count_rule
+from ransac_fix.patching.watching import note
 
 if TYPE_CHECKING:
     from skimage.measure import ransac
@@ -35,11 +40,44 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
     )
 
 
+def observe(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to watch: ``ransac``, in the module where it looks its rule up."""
+    original = own_function(module, "ransac")
+    home = (
+        sys.modules.get(getattr(inspect.unwrap(original), "__module__", "")) if original else None
+    )
+    if original is None or home is None or not hasattr(home, "_dynamic_max_trials"):
+        raise PatchNotApplicable(f"{module.__name__} has no function ransac with a rule beside it")
+    if home is not module and home.__name__ in PATCH.modules:
+        return ()  # watched there
+    bind = inspect.signature(original).bind
+    highest = 1.0 - sys.float_info.epsilon
+
+    def ransac(*args: Any, **kwargs: Any) -> Any:
+        result = original(*args, **kwargs)
+        call = bind(*args, **kwargs)
+        call.apply_defaults()
+        settings = call.arguments
+        inliers, k = result[1], settings["min_samples"]
+        if inliers is not None:
+            n_samples, n_inliers = len(inliers), int(inliers.sum())
+            limit, confidence = settings["max_trials"], settings["stop_probability"]
+            # With this the user asks for an end of another kind.
+            if n_inliers < settings["stop_sample_num"]:
+                rule = home._dynamic_max_trials(n_inliers, n_samples, k, confidence)  # noqa: SLF001
+                trials = max(min(rule, limit), 1)
+                note(n_inliers, n_samples, k, min(confidence, highest), trials, limit)
+        return result
+
+    return (Replacement(holder=module, name="ransac", exact=ransac),)
+
+
 PATCH = LibraryPatch(
     system="scikit-image",
     requirements=("scikit-image>=0.20,<=0.27.0rc1",),
     modules=("skimage.measure.fit", "_skimage2.measure.fit"),
     plan=plan,
+    observe=observe,
 )
 
 

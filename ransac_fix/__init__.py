@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from ransac_fix.errors import PatchNotApplicable, RansacFixError, RansacFixWarning
     from ransac_fix.patching import patch, patched, status, unpatch
+    from ransac_fix.patching.tracing import trace
 
 __all__ = [
     "PatchNotApplicable",
@@ -35,6 +36,7 @@ __all__ = [
     "required_trials",
     "status",
     "success_probability",
+    "trace",
     "true_success_probability",
     "undersampling",
     "unpatch",
@@ -47,6 +49,7 @@ _HOME = {
     "patch": "patching",
     "patched": "patching",
     "status": "patching",
+    "trace": "patching.tracing",
     "unpatch": "patching",
 }
 

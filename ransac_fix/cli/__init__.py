@@ -19,6 +19,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "rule": ("rule", "What a rule of the scan finds, why, and what to write instead."),
     "rules": ("rules", "List the rules of the scan."),
     "run": ("run", "Run a Python program with its libraries patched."),
+    "trace": ("trace", "Run a Python program and report its RANSAC calls."),
     "site": ("site", "Patch every program of this environment."),
     "reproduce": ("reproduce", "Compute the paper's figures and tables again."),
 }

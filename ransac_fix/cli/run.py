@@ -28,19 +28,30 @@ def command(as_module: bool, target: str, args: tuple[str, ...]) -> None:
     """
     from ransac_fix.patching import engine, startup
 
-    if not as_module and not Path(target).exists():
-        raise click.UsageError(f"there is no file {target!r} to run")
+    line = command_line(target, args, as_module=as_module)
     environ = dict(os.environ)
     startup.environment(environ, engine.installable())
-    flags = [
-        flag
-        for flag in subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 -- what multiprocessing uses
-        if flag not in _SHUT_OUT
-    ]
-    line = [sys.executable, *flags, *(["-m"] if as_module else []), target, *args]
     sys.stdout.flush()
     sys.stderr.flush()
     if os.name == "posix":
         # In place of this process: signals, terminal and exit code are the program's own.
         os.execve(sys.executable, line, environ)  # noqa: S606 -- running it is the purpose
     sys.exit(subprocess.run(line, env=environ, check=False).returncode)  # noqa: S603
+
+
+def command_line(target: str, args: tuple[str, ...], *, as_module: bool) -> list[str]:
+    """Return the line that runs a program in an interpreter that reads its environment.
+
+    Raises
+    ------
+    click.UsageError
+        If there is no such file.
+    """
+    if not as_module and not Path(target).exists():
+        raise click.UsageError(f"there is no file {target!r} to run")
+    flags = [
+        flag
+        for flag in subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 -- what multiprocessing uses
+        if flag not in _SHUT_OUT
+    ]
+    return [sys.executable, *flags, *(["-m"] if as_module else []), target, *args]

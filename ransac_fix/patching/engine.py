@@ -13,7 +13,7 @@ import warnings
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as distribution_version
 from types import ModuleType, TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from packaging.requirements import Requirement
 from packaging.version import InvalidVersion
@@ -24,12 +24,18 @@ from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.state import PatchingStatus, State, SystemStatus
 from ransac_fix.patching.switch import Scope, Switch
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 __all__ = [
     "exactly",
     "imported",
     "installable",
+    "observable",
+    "observe",
     "patch",
     "patched",
+    "place",
     "planned",
     "share_with_workers",
     "status",
@@ -49,6 +55,8 @@ class _System:
         # The plan of each module looked at, with the module: an import may bring another one.
         self.plans: dict[str, tuple[ModuleType, tuple[Replacement, ...]]] = {}
         self.refusal: str | None = None
+        # What a trace asks to be told of: a module of the library that has been imported.
+        self.observer: Callable[[_System, ModuleType], None] | None = None
 
     def look(self) -> None:
         """Make plans for the modules that are imported.
@@ -101,7 +109,10 @@ class _System:
         """Put in place what is to be in place. Called with the lock."""
         if not self.switch.in_use:
             registry.remove(self.name, copies=copies)
-            finder.unwatch(self.patch.modules)
+            if self.observer is None:
+                finder.unwatch(self.patch.modules)
+            else:
+                finder.watch(self.patch.modules, imported)
             return
         finder.watch(self.patch.modules, imported)
         for _, plan in self.plans.values():
@@ -373,12 +384,41 @@ def planned(library: LibraryPatch) -> tuple[Replacement, ...]:
 def imported(module: ModuleType) -> None:
     """Patch a library that has just been imported. Never raises: the user's import goes on."""
     for system in list(_SYSTEMS.values()):
-        if module.__name__ in system.patch.modules and system.switch.in_use:
+        if module.__name__ not in system.patch.modules:
+            continue
+        observer = system.observer
+        if system.switch.in_use or observer is not None:
             system.plan(module)
             with _LOCK:
                 system.settle()
-            if system.refusal is not None:
+            if system.refusal is not None and system.switch.in_use:
                 _warn(system.refusal_line)
+        if observer is not None:
+            observer(system, module)
+
+
+def observable() -> list[_System]:
+    """Return the systems whose calls a trace can watch."""
+    return [system for system in _select(()) if system.patch.observe is not None]
+
+
+def observe(system: _System, observer: "Callable[[_System, ModuleType], None] | None") -> None:
+    """Tell `observer` of modules of a library when they have been imported; None: no more."""
+    with _LOCK:
+        system.observer = observer
+        system.settle()
+
+
+def place(system: _System, put: "Callable[[], None]") -> None:
+    """Call `put`, which replaces functions that may be, or become, patched.
+
+    The stand-ins go in first, in force or not: what comes on top of them is left in place when
+    the patch is asked for or undone.
+    """
+    with _LOCK:
+        for _, plan in system.plans.values():
+            registry.install(system.name, system.switch, plan, copies=True)
+        put()
 
 
 def share_with_workers() -> None:
@@ -502,6 +542,10 @@ def _adopt() -> None:
             system = _system(found[name])
             system.switch.ask(True)
             system.settle()
+    if startup.trace_folder():
+        from ransac_fix.patching import tracing
+
+        tracing.adopt()
 
 
 def _after_fork() -> None:

@@ -101,9 +101,19 @@ class LibraryPatch:
         Full names of the modules whose import completes what `plan` needs. Any one is enough.
     plan : callable
         See `Plan`.
+    observe : callable, optional
+        Like `plan`, for `ransac_fix.trace`: the functions that users call, exact already or
+        not. While a program is traced each `Replacement.exact` runs in the original's place; it
+        calls the original once, changes nothing, and says what it ran through
+        `ransac_fix.patching.missing.missing_trials` or `ransac_fix.patching.watching.note`.
+        What says nothing is counted as a call whose RANSAC cannot be seen.
+    counts_trials : bool, default False
+        The trials it tells of are what the library reports, not the least its rule asks for.
     """
 
     system: str
     requirements: tuple[str, ...]
     modules: tuple[str, ...]
     plan: Plan
+    observe: Plan | None = None
+    counts_trials: bool = False

@@ -21,6 +21,7 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ransac_fix.criterion import all_inlier_probability, required_trials
 from ransac_fix.errors import RansacFixError, RansacFixWarning
+from ransac_fix.patching import watching
 
 __all__ = [
     "DEFAULT_SLACK",
@@ -92,7 +93,6 @@ class Attempt(Generic[Result]):
     chance: float | None = None
 
 
-@lru_cache(maxsize=8192)
 def missing_trials(
     n_inliers: int,
     n_samples: int,
@@ -124,8 +124,31 @@ def missing_trials(
     Returns
     -------
     int
-        ``required_trials(...) - trials``, or what `max_trials` leaves of it.
+        ``required_trials(...) - trials``, or what `max_trials` leaves of it. 0 also where
+        `ransac_fix.trace` watches a call that is not to be made exact: it takes note.
     """
+    watched = watching.note(
+        n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
+    )
+    if watched is not None and not watched.exact:
+        return 0
+    return _missing_trials(
+        n_inliers, n_samples, sample_size, confidence, trials, max_trials, slack, sampling, chance
+    )
+
+
+@lru_cache(maxsize=8192)
+def _missing_trials(
+    n_inliers: int,
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    trials: float,
+    max_trials: float,
+    slack: float,
+    sampling: Sampling,
+    chance: float | None,
+) -> int:
     if trials >= max_trials or n_samples < sample_size or confidence <= 0:
         return 0
     if chance is None:

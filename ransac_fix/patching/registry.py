@@ -14,7 +14,7 @@ from typing import Any
 from ransac_fix.patching.interface import Replacement
 from ransac_fix.patching.switch import Switch, stand_in
 
-__all__ = ["Place", "install", "places", "remove"]
+__all__ = ["Place", "install", "places", "put", "remove"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def install(
         if place is None or place.original is not current:
             place = _place(system, switch, replacement, current)
             _PLACES[id(holder), name] = place
-        _put(place, place.original, place.replaced, copies=copies)
+        put(place, place.original, place.replaced, copies=copies)
 
 
 def remove(system: str, *, copies: bool) -> None:
@@ -71,7 +71,7 @@ def remove(system: str, *, copies: bool) -> None:
     for place in places(system):
         current = vars(place.holder).get(place.name)
         if current is place.replaced:
-            _put(place, place.replaced, place.original, copies=copies)
+            put(place, place.replaced, place.original, copies=copies)
         elif current is not place.original and not place.installed:
             # The library was reloaded, or someone else's function is there.
             _PLACES.pop((id(place.holder), place.name), None)
@@ -91,7 +91,8 @@ def _place(system: str, switch: Switch, replacement: Replacement, current: Any) 
     return Place(system, replacement.holder, replacement.name, current, replaced)
 
 
-def _put(place: Place, old: Any, new: Any, *, copies: bool) -> None:
+def put(place: Place, old: Any, new: Any, *, copies: bool) -> None:
+    """Replace one by the other in a place, and with `copies` in modules that imported it."""
     setattr(place.holder, place.name, new)
     if not copies or not isinstance(place.holder, ModuleType):
         return

@@ -37,6 +37,7 @@ __all__ = [
 
 SWITCH = "RANSAC_FIX"
 WATCH = "RANSAC_FIX_WATCH"
+TRACE = "RANSAC_FIX_TRACE"
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_site")  # noqa: PTH118, PTH120, PTH100 -- pathlib is slow to import
 
 
@@ -74,6 +75,11 @@ def parsed(text: str) -> dict[str, tuple[str, ...]]:
     return systems
 
 
+def trace_folder() -> str:
+    """Return the folder for records of RANSAC calls, empty where this process is not traced."""
+    return os.environ.get(TRACE, "").partition(";")[0]
+
+
 def environment(environ: MutableMapping[str, str], systems: Mapping[str, tuple[str, ...]]) -> None:
     """Change an environment so that processes started with it patch the given systems.
 
@@ -88,9 +94,10 @@ def environment(environ: MutableMapping[str, str], systems: Mapping[str, tuple[s
     path = [entry for entry in before.split(os.pathsep) if entry != _FOLDER] if before else []
     if systems:
         environ[WATCH] = listed(systems)
-        path.insert(0, _FOLDER)
     else:
         environ.pop(WATCH, None)
+    if systems or TRACE in environ:
+        path.insert(0, _FOLDER)
     if path:
         environ["PYTHONPATH"] = os.pathsep.join(path)
     else:
@@ -115,7 +122,8 @@ def begin(site: str = "") -> None:
         return
     if site:
         _site = site
-    for modules in watched().values():
+    traced = parsed(os.environ.get(TRACE, "").partition(";")[2])
+    for modules in [*watched().values(), *traced.values()]:
         finder.watch(modules, _imported)
 
 

@@ -1,0 +1,377 @@
+"""Recorded RANSAC calls: what each amounts to, and their sums for each call site.
+
+What is kept does not grow with the number of calls: counts, ranges, and a histogram on a
+logarithmic scale from which medians are read with an error of one percent.
+"""
+
+import math
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, Literal, TypeAlias
+
+from ransac_fix.criterion import approximate_required_trials, required_trials, success_probability
+
+__all__ = [
+    "Bound",
+    "Judged",
+    "Key",
+    "Raw",
+    "Record",
+    "Spread",
+    "Tally",
+    "Worst",
+    "described",
+    "judge",
+]
+
+Bound: TypeAlias = Literal["rule", "cap", "floor"]
+Sampling: TypeAlias = Literal["distinct", "replacement"]
+Key: TypeAlias = tuple[str, str, str, int, str]
+"""System, function, and the call site: file, line, and the name of the calling function."""
+Raw: TypeAlias = tuple[
+    tuple[int, int, int, float, float, float, Sampling, float | None] | None,
+    float,
+    bool,
+    bool,
+    bool,
+    float,
+]
+"""What is kept of a call while it is made: the arguments of `watching.note`, seconds, whether it
+was patched, whether the library is exact, whether it raised, and the slack."""
+
+# Rules round, and test before or after a trial.
+_OFFSET = 2
+_BASE = math.log(1.02)
+_INFINITE = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What a run amounts to.
+
+    Attributes
+    ----------
+    n_inliers, trials
+        As they count: a model has at least `sample_size` inliers, and an exact library has run
+        what the exact rule asks for.
+    needed : float
+        `ransac_fix.required_trials`.
+    success : float
+        The probability that `trials` samples contain one of inliers only.
+    bound : "rule", "cap" or "floor"
+        What ended the run. cap: the limit on trials. floor: more trials than the exact and the
+        approximate rule ask for, by a minimum, a multiplier, or a best model that came late.
+    """
+
+    n_inliers: int
+    trials: float
+    needed: float
+    success: float
+    bound: Bound
+
+
+@lru_cache(maxsize=8192)
+def judge(
+    n_inliers: int,
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    trials: float,
+    max_trials: float,
+    sampling: Sampling,
+    chance: float | None,
+    exact: bool,
+) -> Judged:
+    """Return what a run amounts to.
+
+    Parameters
+    ----------
+    n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
+        As in `ransac_fix.patching.missing.missing_trials`.
+    exact : bool
+        The library's rule is exact.
+    """
+    n_inliers = min(max(n_inliers, sample_size), n_samples)
+    counts = n_inliers, n_samples, sample_size
+    approximate = approximate_required_trials(*counts, confidence)
+    if chance is None:
+        needed = required_trials(*counts, confidence, sampling=sampling)
+    elif 0 < chance < 1 and confidence < 1:
+        needed = math.ceil(math.log1p(-confidence) / math.log1p(-chance))
+    else:
+        needed = 1 if chance > 0 else math.inf
+    if exact:
+        trials = min(max(trials, needed), max_trials)
+    if chance is None:
+        success = success_probability(
+            trials if trials == math.inf else int(trials), *counts, sampling=sampling
+        )
+    else:
+        success = -math.expm1(trials * math.log1p(-chance)) if chance < 1 else float(trials > 0)
+    bound: Bound = "rule"
+    if trials >= max_trials and max_trials < needed:
+        bound = "cap"
+    elif trials > max(needed, approximate) + _OFFSET:
+        bound = "floor"
+    elif trials >= max_trials and max_trials < approximate:
+        bound = "cap"
+    return Judged(n_inliers, trials, needed, success, bound)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One call, or so many of its numbers as could be read.
+
+    Attributes
+    ----------
+    outcome : "read", "unread" or "failed"
+        unread: the run's numbers could not be read. failed: it raised.
+    seconds : float
+        Time that it took.
+    patched : bool
+        The library was patched when it was called.
+    short : bool
+        It ran fewer trials than the guarantee needs.
+    n_inliers, n_samples, sample_size, confidence, trials, max_trials, needed, success, bound
+        As in `judge` and `Judged`.
+    """
+
+    outcome: Literal["read", "unread", "failed"]
+    seconds: float
+    patched: bool = False
+    short: bool = False
+    n_inliers: int = 0
+    n_samples: int = 0
+    sample_size: int = 0
+    confidence: float = 0.0
+    trials: float = 0.0
+    max_trials: float = 0.0
+    needed: float = 0.0
+    success: float = 0.0
+    bound: Bound = "rule"
+
+
+def described(raw: Raw) -> Record:
+    """Return the record of a call from what was kept of it."""
+    facts, seconds, patched, exact, failed, allowed = raw
+    if failed or facts is None:
+        return Record("failed" if failed else "unread", seconds, patched)
+    _, n_samples, sample_size, confidence, _, max_trials, _, _ = facts
+    judged = judge(*facts, exact)
+    short = judged.trials < judged.needed and (
+        1.0 - judged.success > (1.0 - confidence) * (1.0 + allowed)
+    )
+    return Record(
+        "read",
+        seconds,
+        patched,
+        short,
+        judged.n_inliers,
+        n_samples,
+        sample_size,
+        confidence,
+        judged.trials,
+        max_trials,
+        judged.needed,
+        judged.success,
+        judged.bound,
+    )
+
+
+@lru_cache(maxsize=8192)
+def _bucket(value: float) -> int:
+    if value == math.inf:
+        return _INFINITE
+    return round(math.log(value) / _BASE) if value > 0 else -_INFINITE
+
+
+@dataclass(slots=True)
+class Spread:
+    """The range and the median of a number that is not negative."""
+
+    count: int = 0
+    total: float = 0.0
+    low: float = math.inf
+    high: float = -math.inf
+    buckets: dict[int, int] = field(default_factory=dict)
+
+    def add(self, value: float) -> None:
+        """Count one value; infinity is counted and left out of the sum."""
+        self.count += 1
+        if value < self.low:
+            self.low = value
+        if value > self.high:
+            self.high = value
+        if value != math.inf:
+            self.total += value
+        bucket = _bucket(value)
+        self.buckets[bucket] = self.buckets.get(bucket, 0) + 1
+
+    def merge(self, other: "Spread") -> None:
+        """Count what another has counted."""
+        self.count += other.count
+        self.total += other.total
+        self.low = min(self.low, other.low)
+        self.high = max(self.high, other.high)
+        for bucket, count in other.buckets.items():
+            self.buckets[bucket] = self.buckets.get(bucket, 0) + count
+
+    @property
+    def median(self) -> float:
+        """The median, within one percent; 0 where nothing was counted."""
+        left = (self.count + 1) // 2
+        for bucket in sorted(self.buckets):
+            left -= self.buckets[bucket]
+            if left <= 0:
+                if abs(bucket) == _INFINITE:
+                    return self.high if bucket > 0 else self.low
+                value = math.exp(bucket * _BASE)
+                return min(max(value, self.low), self.high)
+        return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The call that stopped furthest short of its guarantee."""
+
+    n_inliers: int
+    n_samples: int
+    sample_size: int
+    confidence: float
+    trials: float
+    max_trials: float
+    needed: float
+    success: float
+    bound: Bound
+
+
+_SPREADS = (
+    "n_samples",
+    "n_inliers",
+    "sample_size",
+    "confidence",
+    "trials",
+    "max_trials",
+    "needed",
+    "success",
+)
+_spread_values = attrgetter(*_SPREADS)
+
+
+@dataclass(slots=True)
+class Tally:
+    """The calls of one call site.
+
+    Attributes
+    ----------
+    calls, unread, failed, patched : int
+        All calls; those of no known numbers; those that raised; those made exact.
+    rule, cap, floor : int
+        What bound the calls that could be read.
+    short, short_by_cap, short_of_limit : int
+        Calls that stopped before the guarantee; those stopped by the limit on trials; those for
+        which the limit is lower than what the guarantee needs.
+    seconds, spreads, shortfall
+        Distributions over the calls; `shortfall` is confidence minus success, of short calls.
+    extra_trials, extra_seconds : float
+        What exactness would have cost within the limits on trials.
+    worst : Worst or None
+        The call with the largest shortfall.
+    """
+
+    calls: int = 0
+    unread: int = 0
+    failed: int = 0
+    patched: int = 0
+    rule: int = 0
+    cap: int = 0
+    floor: int = 0
+    short: int = 0
+    short_by_cap: int = 0
+    short_of_limit: int = 0
+    seconds: Spread = field(default_factory=Spread)
+    shortfall: Spread = field(default_factory=Spread)
+    spreads: dict[str, Spread] = field(default_factory=lambda: {n: Spread() for n in _SPREADS})
+    extra_trials: float = 0.0
+    extra_seconds: float = 0.0
+    worst: Worst | None = None
+
+    def add(self, record: Record) -> None:
+        """Count one call."""
+        self.calls += 1
+        self.seconds.add(record.seconds)
+        self.patched += record.patched
+        if record.outcome != "read":
+            if record.outcome == "failed":
+                self.failed += 1
+            else:
+                self.unread += 1
+            return
+        setattr(self, record.bound, getattr(self, record.bound) + 1)
+        for spread, value in zip(self.spreads.values(), _spread_values(record), strict=True):
+            spread.add(value)
+        if not record.short:
+            return
+        self.short += 1
+        self.short_by_cap += record.bound == "cap"
+        self.short_of_limit += record.needed > record.max_trials
+        shortfall = max(record.confidence - record.success, 0.0)
+        self.shortfall.add(shortfall)
+        extra = min(record.needed, record.max_trials) - record.trials
+        if math.isfinite(extra):
+            self.extra_trials += extra
+            self.extra_seconds += extra * record.seconds / max(record.trials, 1)
+        if self.worst is None or shortfall > self.worst.confidence - self.worst.success:
+            self.worst = Worst(**{name: getattr(record, name) for name in Worst.__slots__})
+
+    def merge(self, other: "Tally") -> None:
+        """Count what another has counted."""
+        for name in _SUMS:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.seconds.merge(other.seconds)
+        self.shortfall.merge(other.shortfall)
+        for name, spread in self.spreads.items():
+            spread.merge(other.spreads[name])
+        mine, theirs = self.worst, other.worst
+        if theirs is not None and (
+            mine is None or theirs.confidence - theirs.success > mine.confidence - mine.success
+        ):
+            self.worst = theirs
+
+    def to_data(self) -> dict[str, Any]:
+        """Return it as plain data, for a file."""
+        return asdict(self)
+
+    @classmethod
+    def from_data(cls, data: dict[str, Any]) -> "Tally":
+        """Return what `to_data` has made plain."""
+        values = dict(data)
+        for name in ("seconds", "shortfall"):
+            values[name] = _spread(values[name])
+        values["spreads"] = {name: _spread(spread) for name, spread in values["spreads"].items()}
+        if values["worst"] is not None:
+            values["worst"] = Worst(**values["worst"])
+        return cls(**values)
+
+
+_SUMS = (
+    "calls",
+    "unread",
+    "failed",
+    "patched",
+    "rule",
+    "cap",
+    "floor",
+    "short",
+    "short_by_cap",
+    "short_of_limit",
+    "extra_trials",
+    "extra_seconds",
+)
+
+
+def _spread(data: dict[str, Any]) -> Spread:
+    # JSON has text for keys only.
+    buckets = {int(bucket): count for bucket, count in data["buckets"].items()}
+    return Spread(**{**data, "buckets": buckets})

@@ -1,0 +1,73 @@
+"""What a RANSAC call that is being watched says about itself.
+
+`ransac_fix.trace` sets a `Watched` around each call; what wraps or observes the library's
+function tells it the numbers of the run through `note`. Without one `note` does nothing.
+"""
+
+from contextvars import ContextVar
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Literal, TypeAlias
+
+    Sampling: TypeAlias = Literal["distinct", "replacement"]
+
+__all__ = ["CURRENT", "Watched", "note"]
+
+
+class Watched:
+    """One call that is being watched.
+
+    Attributes
+    ----------
+    exact : bool
+        The library is patched here and now: the missing trials are to be drawn.
+    facts : tuple or None
+        The arguments of `note` when it was last called: what holds at the end of the run.
+    """
+
+    __slots__ = ("exact", "facts")
+
+    def __init__(self, exact: bool) -> None:
+        self.exact = exact
+        self.facts: tuple[int, int, int, float, float, float, Sampling, float | None] | None = None
+
+
+CURRENT: ContextVar[Watched | None] = ContextVar("ransac_fix watched call", default=None)
+
+
+def note(
+    n_inliers: int,
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    trials: float,
+    max_trials: float,
+    sampling: "Sampling" = "distinct",
+    chance: float | None = None,
+) -> Watched | None:
+    """Tell the numbers of a run to whoever watches the call.
+
+    Parameters
+    ----------
+    n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
+        As in `ransac_fix.patching.missing.missing_trials`.
+
+    Returns
+    -------
+    Watched or None
+        The watched call; None where nobody watches.
+    """
+    watched = CURRENT.get()
+    if watched is not None:
+        watched.facts = (
+            n_inliers,
+            n_samples,
+            sample_size,
+            confidence,
+            trials,
+            max_trials,
+            sampling,
+            chance,
+        )
+    return watched
