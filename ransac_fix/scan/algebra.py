@@ -422,6 +422,10 @@ def _products(whole: Over, power: Power, depth: int) -> Iterator[list[Power]]:
     for factors in islice(_factorings(whole.body, Power(whole.body), depth + 1), _WAYS):
         out: list[Power] = []
         for factor in factors:
+            if depends_on(factor.base, whole.loop) and factor.symbol is not None:
+                # a product of powers, one for each kind of data
+                out.append(replace(factor, exponent=factor.exponent * power.exponent))
+                continue
             if depends_on(factor.base, whole.loop):
                 out.append(power.to(Fn("falling", (factor.base,)), factor.exponent))
                 continue

@@ -65,8 +65,9 @@ class Candidate:
 
     Attributes
     ----------
-    kind : {"quotient", "test"}
-        A division with logarithms on both sides, or a comparison with a power of powers in it.
+    kind : {"quotient", "test", "inverse"}
+        A division with logarithms on both sides, a comparison with a power of powers in it, or
+        a number of data times a power of powers.
     expr : Expr
         The resolved expression.
     function : Function or None
@@ -513,9 +514,9 @@ class _Evaluator:
                 inner = dict(env)
                 for parameter in expr.function.parameters:
                     inner[parameter.name] = Name(parameter.name)
-                for stmt in expr.function.body:
-                    if isinstance(stmt, Leave) and stmt.value is not None:
-                        self._expr(stmt.value, inner)
+                outer, self._scope = self._scope, _Scope(self._scope.function, self._scope.owner)
+                self._block(expr.function.body, inner)
+                self._scope = outer
                 return expr
             case Unknown():
                 parts = tuple(self._expr(part, env) for part in expr.parts)
@@ -530,6 +531,8 @@ class _Evaluator:
             head, _, tail = expr.name.partition(".")
             if tail:
                 value = self._dotted(head, tail, env)
+                if value is None and head == "this":
+                    value = env.get(tail)  # in C++ a global is spelled like a member
         if isinstance(value, Name) and value.span is None and "." in value.name:
             return self._new(Name(value.name, expr.span), ())  # an imported member
         facts = LOG if _says_log(expr.name) else 0
@@ -591,8 +594,11 @@ class _Evaluator:
         elif operator in COMPARISONS:
             if self._has(expr, NESTED) or all(self._has(arg, LOG) for arg in args):
                 self._candidate("test", expr)
-        elif operator == "mul" and self._has(args[0], LOG) and self._has(args[1], LOG):
-            self._candidate("quotient", expr)
+        elif operator == "mul":
+            if self._has(args[0], LOG) and self._has(args[1], LOG):
+                self._candidate("quotient", expr)
+            if any(self._has(arg, NESTED) and _is_power(arg) for arg in args):
+                self._candidate("inverse", expr)
         return expr
 
     def _fn(self, name: str, args: tuple[Expr, ...], span: Span | None) -> Expr:
@@ -929,6 +935,11 @@ def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
             yield from _indices(base, depth + 1)
         case _:
             pass
+
+
+def _is_power(expr: Expr) -> bool:
+    expr = _unwrap(expr)
+    return isinstance(expr, Op) and expr.op == "pow"
 
 
 def _is_module(base: Expr, env: Env) -> bool:

@@ -22,6 +22,13 @@ LANGUAGES: dict[str, str] = {
     ".pyi": "python",
     ".pyw": "python",
     ".ipynb": "notebook",
+    **dict.fromkeys(
+        (
+            *(".c", ".cc", ".cpp", ".cxx", ".c++", ".h", ".hh", ".hpp", ".hxx", ".h++"),
+            *(".inl", ".ipp", ".tpp", ".txx", ".cu", ".cuh"),
+        ),
+        "c++",
+    ),
 }
 
 DEFAULT_EXCLUDES = (

@@ -142,7 +142,7 @@ def _roles(site: Site, text: Text) -> dict[str, str]:
 
 def spell(expr: Expr, text: Text) -> str | None:
     """Spell an expression as the file does: by its name, or by its source."""
-    if isinstance(expr, Ref):
+    if isinstance(expr, Ref) and (expr.span is None or expr.span.line != expr.span.end_line):
         return expr.name
     if isinstance(expr, Fn) and expr.name == "same":
         return spell(expr.args[0], text)
@@ -179,7 +179,7 @@ def _certainty(
         return None
     if probability.constant != 1.0 or probability.other_factors:
         level -= 1
-    if site.form == "test" and level < 2:
+    if site.form != "quotient" and level < 2:
         level -= 1
     if words.speaks_of_other(around):
         level -= 2
@@ -216,11 +216,14 @@ def _parts(expr: Expr, levels: int) -> Iterator[Expr]:
 
 def _is_adaptive(site: Site) -> bool:
     """Whether the inlier ratio is found by the run itself."""
-    if site.form == "test" or any(candidate.loops for candidate in site.seen):
+    if site.form != "quotient" or any(candidate.loops for candidate in site.seen):
         return True
     ratio = site.probability.ratio
-    counted = ratio is not None and algebra.counts_of(ratio) is not None
-    if counted or site.probability.n_inliers is not None:
+    for probability in (site.probability, *site.called_with):
+        own = probability.ratio
+        if own is not None and algebra.counts_of(own) is not None:
+            return True
+    if site.probability.n_inliers is not None:
         return True
     # A function of the ratio that nothing here calls: what it is called with is not known, and a
     # ratio that is a parameter without a default may be anything.

@@ -22,9 +22,10 @@ class Site:
 
     Attributes
     ----------
-    form : {"quotient", "test"}
-        ``log(1-s) / log(1-P)``, or a comparison that is the same rule solved otherwise, such as
-        ``1 - (1-P)**N > s``.
+    form : {"quotient", "test", "inverse"}
+        ``log(1-s) / log(1-P)``; a comparison that is the same rule solved otherwise, such as
+        ``1 - (1-P)**N > s``; or the number of inliers that would have been seen by now,
+        ``n * (1 - (1-s)**(1/N)) ** (1/k)``.
     probability : Probability
         The P that it assumes: approximate, exact or with replacement.
     span : Span
@@ -39,6 +40,8 @@ class Site:
         The expression that the rule takes for P.
     seen : tuple of Candidate
         Each way it was reached: by itself, and through the calls of its function.
+    called_with : tuple of Probability
+        What its callers in the file make of it.
     """
 
     form: str
@@ -50,6 +53,7 @@ class Site:
     function: Function | None
     assumed: Expr
     seen: tuple[Candidate, ...]
+    called_with: tuple[Probability, ...] = ()
 
 
 def recognise(candidates: Sequence[Candidate]) -> list[Site]:
@@ -63,7 +67,7 @@ def recognise(candidates: Sequence[Candidate]) -> list[Site]:
     for (span, kind), group in seen.items():
         # A function read by itself says most of itself; its callers say what its parameters are.
         for candidate in sorted(group, key=lambda one: one.call is not None):
-            read = _quotient(candidate) if kind == "quotient" else _test(candidate)
+            read = _READERS[kind](candidate)
             if read is not None:
                 own = next((one.function for one in group if one.call is None), None)
                 sites.append(
@@ -77,6 +81,7 @@ def recognise(candidates: Sequence[Candidate]) -> list[Site]:
                         own or candidate.function,
                         read.assumed,
                         tuple(group),
+                        _called_with(kind, group),
                     )
                 )
                 break
@@ -159,6 +164,45 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
             for argument in islice(algebra.log_arguments(log), _WAYS):
                 for assumed in islice(algebra.complement(argument), _WAYS):
                     yield assumed, trials, formula
+
+
+def _inverse(candidate: Candidate) -> _Reading | None:
+    """Read n * (1 - (1-s)**(1/N)) ** (1/k), the rule solved for the inliers."""
+    assert isinstance(candidate.expr, Op)
+    for root, samples in (candidate.expr.args, candidate.expr.args[::-1]):
+        for outer in islice(algebra.readings(root), _WAYS):
+            size = _rooted(outer)
+            if size is None or not isinstance(outer, Op):
+                continue
+            for inside in islice(algebra.complement(outer.args[0]), _WAYS):
+                for inner in islice(algebra.readings(inside), _WAYS):
+                    trials = _rooted(inner)
+                    if trials is None or not isinstance(inner, Op):
+                        continue
+                    miss = inner.args[0]
+                    confidence = next(algebra.complement(miss), miss)
+                    probability = Probability("approximate", exponent=size, n_samples=samples)
+                    return _Reading(probability, outer, confidence, trials)
+    return None
+
+
+def _rooted(expr: Expr) -> Expr | None:
+    """Give k of x ** (1/k)."""
+    if not (isinstance(expr, Op) and expr.op == "pow"):
+        return None
+    for exponent in islice(algebra.readings(expr.args[1]), _WAYS):
+        match exponent:
+            case Op(op="div", args=(one, size)) if algebra.number(one) == 1.0:
+                return size
+    return None
+
+
+def _called_with(kind: str, group: Sequence[Candidate]) -> tuple[Probability, ...]:
+    reads = (_READERS[kind](one) for one in group if one.call is not None)
+    return tuple(read.probability for read in islice(reads, _WAYS) if read is not None)
+
+
+_READERS = {"quotient": _quotient, "test": _test, "inverse": _inverse}
 
 
 def _without_repeats(sites: list[Site]) -> list[Site]:

@@ -67,7 +67,7 @@ def scan_file(
     if len(data) > _MAX_BYTES:
         return (), (_error(file, f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"),)
     try:
-        source = decode(data)
+        source = decode(data, file.language)
     except (SyntaxError, UnicodeDecodeError, LookupError) as error:
         return (), (_error(file, f"cannot be decoded: {error}"),)
     return scan_source(source, file, rules, gate=gate)
@@ -80,6 +80,8 @@ def scan_source(
     try:
         if file.language == "notebook":
             return _scan_notebook(source, file, rules)
+        if file.language == "c++":
+            return _scan_cpp(source, file, rules, gate=gate)
         return _scan_python(source, file, rules, gate=gate)
     except RecursionError:
         return (), (_error(file, "nested too deeply"),)
@@ -89,15 +91,23 @@ def scan_source(
         return (), (_error(file, "too complex: more expressions than code written by hand has"),)
 
 
-def decode(data: bytes) -> str:
-    """Decode Python source as Python does: by its byte order mark, its coding line, or UTF-8.
+def decode(data: bytes, language: str = "python") -> str:
+    """Decode source as its language does.
+
+    Python by its byte order mark, its coding line, or as UTF-8; C++ as UTF-8 or, where it is not,
+    as Latin-1, which reads any bytes; notebooks as UTF-8.
 
     Raises
     ------
     SyntaxError, UnicodeDecodeError, LookupError
         The bytes are not text in the encoding that the file declares.
     """
-    return data.decode(encoding_of(data))
+    if language == "c++":
+        try:
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return data.decode("latin-1")
+    return data.decode("utf-8-sig" if language == "notebook" else encoding_of(data))
 
 
 def encoding_of(data: bytes) -> str:
@@ -247,6 +257,20 @@ def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> Fi
         if not stands(finding)
     )
     return kept, errors
+
+
+def _scan_cpp(
+    source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
+) -> FileOutcome:
+    from ransac_fix.scan import cpp
+
+    commented = has_any(source)
+    if gate and not commented and not triage.could_hold_a_rule(source):
+        return (), ()
+    comments = tuple(cpp.comments(source)) if commented else ()
+    module = cpp.parse(source)
+    findings = check(module, Text(source), file.path, rules, comments=comments, language="c++")
+    return tuple(findings), ()
 
 
 def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule] | None) -> FileOutcome:

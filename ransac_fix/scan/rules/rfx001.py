@@ -132,6 +132,11 @@ def ransac_trials(inliers, total, confidence):
 
     def message(self, read: ReadSite) -> str:
         """Say which power stands where which product belongs."""
+        if read.site.form == "inverse":
+            return (
+                "the number of inliers that would have been seen by now is worked out as if samples"
+                " were drawn with replacement; without it is larger, and the search stops too early"
+            )
         return (
             f"the stopping rule takes {power_of(read)} for the probability of an all-inlier"
             f" sample; without replacement it is {product_of(read)}, which asks for more trials"

@@ -1,0 +1,221 @@
+"""The C++ front end: the same algebra in another syntax."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ransac_fix.scan import cpp, scan_paths
+from ransac_fix.scan.files import SourceFile
+from ransac_fix.scan.reading import Text
+from ransac_fix.scan.scanner import read, scan_source
+
+
+def sites(source: str):
+    return read(cpp.parse(source), Text(source), "ransac.cpp")
+
+
+def kinds(source: str) -> list[str]:
+    return [found.site.probability.kind for found in sites(source)]
+
+
+APPROXIMATE = {
+    "plain": """
+int Trials(double w, int k, double s) {
+  return static_cast<int>(std::ceil(std::log(1.0 - s) / std::log(1.0 - std::pow(w, k))));
+}
+""",
+    "clamps with parenthesised names": """
+double Update(int best, int total, const std::vector<int>& selection, double log_probability) {
+  const double w = static_cast<double>(best) / static_cast<double>(total);
+  double p = 1.0 - pow(w, static_cast<double>(selection.size()));
+  p = (std::max)(std::numeric_limits<double>::epsilon(), p);
+  p = (std::min)(1.0 - std::numeric_limits<double>::epsilon(), p);
+  return log_probability / std::log(p);
+}
+""",
+    "members set elsewhere": """
+class Ransac {
+ public:
+  Ransac(double confidence) : log_probability_(std::log(1 - confidence)) {}
+  void Update() {
+    const double q = std::pow(inliers_ / n_, k_);
+    trials_ = log_probability_ / std::log(1.0 - q);
+  }
+ private:
+  double log_probability_, inliers_, n_, trials_;
+  int k_ = 4;
+};
+""",
+    "defined outside of the class": """
+template <typename M>
+void Ransac<M>::Update(size_t n_inliers) {
+  num_ = std::max(1.0 - confidence_, DBL_MIN);
+  double den = 1.0 - std::pow(double(n_inliers) / n_, sample_size_);
+  den = log(den);
+  iterations_ = log(num_) / den;
+}
+""",
+    "a lambda in a loop": """
+void Segment(const Cloud& cloud, double ransac_probability) {
+  tbb::parallel_for(0, n, [&](const Range& range) {
+    for (int i = range.begin(); i < range.end(); ++i) {
+      if (better) stop = std::min(log(1 - p) / log(1 - pow(fitness, 3)), (double)limit);
+    }
+  });
+}
+""",
+    "a product of powers": """
+double Hybrid(const std::vector<double>& ratios, const std::vector<int>& sizes, double s) {
+  double p = 1.0;
+  for (size_t i = 0; i < sizes.size(); ++i) {
+    p *= std::pow(ratios[i], static_cast<double>(sizes[i]));
+  }
+  return std::log(s) / std::log(1.0 - p);
+}
+""",
+    "C, with a conditional": """
+int trials(int inliers, int n, int k, double s) {
+  double e = (double)(n - inliers) / n;
+  double d = 1. - pow(1. - e, k);
+  return d < 1e-9 ? 0 : (int)(log(1. - s) / log(d) + 0.5);
+}
+""",
+    "CUDA": """
+__global__ void kernel(float *out, int k) {
+  out[threadIdx.x] = logf(0.01f) / logf(1.0f - powf(inlier_ratio, k));
+}
+""",
+    "behind the preprocessor": """
+namespace a { namespace b {
+#ifdef USE_RANSAC
+inline double trials(double w, double s) { return log(1 - s) / log(1 - w * w * w * w); }
+#else
+int other();
+#endif
+}}
+""",
+    "a test in a loop": """
+void ransac() {
+  int t = 0;
+  do {
+    ++t;
+  } while (1.0 - std::pow(1.0 - std::pow(w, 3), t) < confidence);
+}
+""",
+    "the number of inliers that would have been seen": """
+size_t Unseen(double miss, size_t k, size_t trials, size_t points) {
+  const double one_over_trials = 1.0 / trials;
+  const double one_over_k = 1.0 / k;
+  const double inlier_ratio = pow(1.0 - pow(miss, one_over_trials), one_over_k);
+  return std::round(points * inlier_ratio);
+}
+""",
+    "a helper": """
+static double all_inliers(double w, int k) { return std::pow(w, k); }
+double ransac_trials(double w, double s) { return log(1 - s) / log(1 - all_inliers(w, 3)); }
+""",
+}
+EXACT = {
+    "a loop": """
+size_t Trials(size_t inliers, size_t n, size_t k, double s) {
+  double p = 1.0;
+  for (size_t i = 0; i < k; ++i) {
+    p *= (inliers - i) / static_cast<double>(n - i);
+  }
+  return std::ceil(std::log(1 - s) / std::log(1 - p));
+}
+""",
+    "two products, downwards": """
+double Trials(int I, int n, int k, double s) {
+  double a = 1, b = 1;
+  for (int i = k - 1; i >= 0; i--) { a *= I - i; b *= n - i; }
+  return log(1 - s) / log(1 - a / b);
+}
+""",
+    "while": """
+double ransac_trials(int I, int n, int k, double s) {
+  double p = 1; int i = 0;
+  while (i < k) { p = p * (I - i) / (n - i); i += 1; }
+  return log(1 - s) / log(1 - p);
+}
+""",
+    "lgamma": """
+double ransac(int I, int n, int k, double s) {
+  return log(1-s) / log(1 - exp(lgamma(I+1) - lgamma(I-k+1) - lgamma(n+1) + lgamma(n-k+1)));
+}
+""",
+}
+OTHER = {
+    "octree cells": """
+double stop_probability(double m, double n, double d, int k, double candidates) {
+  return std::min(std::pow(1. - m / (n * d * (1 << (k - 1))), candidates), 1.);
+}
+""",
+    "a sample of one": "double ransac(double w) { return log(0.01) / log(1 - pow(w, 1.0f)); }",
+    "a comment": "// ransac: log(1 - s) / log(1 - pow(w, k))\nint n;",
+    "a string": 'const char* ransac = "log(1 - s) / log(1 - pow(w, k))";',
+}
+
+
+@pytest.mark.parametrize("source", APPROXIMATE.values(), ids=APPROXIMATE.keys())
+def test_reads_as_approximate(source):
+    assert kinds(source) == ["approximate"]
+
+
+@pytest.mark.parametrize("source", EXACT.values(), ids=EXACT.keys())
+def test_reads_as_exact(source):
+    assert kinds(source) == ["exact"]
+
+
+@pytest.mark.parametrize("source", OTHER.values(), ids=OTHER.keys())
+def test_reads_as_something_else(source):
+    assert kinds(source) == []
+
+
+def test_names_the_roles_and_the_place():
+    source = APPROXIMATE["clamps with parenthesised names"]
+    (finding,), errors = scan_source(source, SourceFile("ransac.hpp", "c++", named=True))
+    assert not errors
+    assert finding.code == "RFX001"
+    place = finding.location
+    line = source.splitlines()[place.start_line - 1]
+    assert line[place.start_column - 1 : place.end_column - 1] == "log_probability / std::log(p)"
+    assert finding.roles["n_inliers"] == "best"
+    assert finding.roles["n_samples"] == "total"
+    assert finding.roles["sample_size"] == "selection.size()"
+
+
+def test_columns_count_characters():
+    source = 'auto \u00e9 = "\u00e9\U0001f600"; double ransac = log(0.1) / log(1 - pow(w, 3));\n'
+    (found,) = sites(source)
+    assert source[found.site.span.column :].startswith("log(0.1)")
+
+
+def test_a_comment_sets_a_finding_aside():
+    source = "double ransac = log(0.1) / log(1 - pow(w, 3));"
+    file = SourceFile("a.cpp", "c++", named=True)
+    (finding,), _ = scan_source(f"{source}  // ransac-fix: ignore[RFX002] -- paper\n", file)
+    assert finding.suppression == "paper"
+    (unused,), _ = scan_source("int n;  // ransac-fix: ignore\n", file)
+    assert unused.code == "RFX901"
+
+
+@pytest.mark.parametrize("suffix", ["c", "cc", "cpp", "h", "hpp", "cu", "cuh", "ipp"])
+def test_files_are_known_by_their_suffix(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(b"// caf\xe9\ndouble ransac = log(0.1) / log(1 - pow(w, 3));\n")
+    (finding,) = scan_paths([tmp_path]).findings
+    assert finding.location.start_line == 2
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_no_source_crashes_it(data):
+    source = data.draw(st.sampled_from([*APPROXIMATE.values(), *EXACT.values()]))
+    start = data.draw(st.integers(0, len(source)))
+    end = data.draw(st.integers(start, min(len(source), start + 40)))
+    noise = data.draw(
+        st.sampled_from(["", "{", "}", "(", ")", ";", "::", "<", "\\\n", "#if", "\x00"])
+    )
+    file = SourceFile("ransac.cpp", "c++", named=True)
+    scan_source(source[:start] + noise + source[end:], file, gate=False)
