@@ -22,13 +22,18 @@ _LOG_ALIAS = re.compile(
     re.MULTILINE,
 )
 _LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
-_POWER = re.compile(r"\*\*|[pP]ow|square|prod\b|\bexp")
+_POWER_SIGN = re.compile(r"[\w)\]}]\s*\*\*")  # not f(**options)
+_POWER_WORDS = ("pow", "Pow", "square", "prod(", "exp(")
 _DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
 _COMPARE = re.compile(r"[<>]")
 _CALL = re.compile(r"(\w+)\s*\(")
 _READ = re.compile(r"\b(?:self|cls)\.(\w+)")
 _WRITTEN = re.compile(r"\b(?:self|cls)\.(\w+)\s*(?::[^=\n]+)?(?:[-+*/]|\*\*|//)?=(?!=)")
 _WORD = re.compile(r"\w+")
+# 1 - p, 1.0f - p, T(1) - p, one - p, ones_like(p) - p, log1p(-p), -expm1(x), (-p + 1)
+_COMPLEMENT = re.compile(
+    r"(?<![\w.])1(?:\.0*)?f?\s*[)}]*\s*-|log1p|expm1|\bones?\b|ones_like|\+\s*-|\+\s*1\b"
+)
 _CALLERS = 3
 
 
@@ -38,10 +43,10 @@ class _Body:
     def __init__(self, node: Definition | None, text: str, aliases: set[str]) -> None:
         self.node = node
         self.text = text
-        self.logs = bool(_LOG_CALL.search(text))
+        self.logs = _takes_log(text)
         if not self.logs and aliases:
             self.logs = not aliases.isdisjoint(self.calls)
-        self.powers = len(_POWER.findall(text))
+        self.powers = _powers(text)
 
     @cached_property
     def calls(self) -> set[str]:
@@ -80,7 +85,7 @@ def relevant(tree: ast.Module, source: str) -> set[int] | None:
         be a rule.
     """
     lines = split_lines(source)
-    aliases = {name for pair in _LOG_ALIAS.findall(source) for name in pair if name}
+    aliases = _aliases(source)
     bodies: dict[str, list[_Body]] = {}
     top = list(lines)
     for node in _definitions(tree.body):
@@ -105,10 +110,37 @@ def relevant(tree: ast.Module, source: str) -> set[int] | None:
 
 
 def could_hold_a_rule(source: str) -> bool:
-    """Whether a file's text could hold one at all; asked before it is parsed."""
-    return bool(_LOG_CALL.search(source) or _LOG_ALIAS.search(source)) or (
-        len(_POWER.findall(source)) > 1
-    )
+    """Whether a file's text could hold one at all; asked before it is parsed.
+
+    Every rule takes the complement of a probability, and either logarithms or a power of a power.
+    """
+    if not _COMPLEMENT.search(source):
+        return False
+    if _takes_log(source):
+        return True
+    return _powers(source) > 1 or bool(_aliases(source))
+
+
+def _powers(text: str) -> int:
+    signs = len(_POWER_SIGN.findall(text)) if "**" in text else 0
+    return signs + sum(text.count(word) for word in _POWER_WORDS)
+
+
+def _takes_log(text: str) -> bool:
+    return ("log" in text or "ln" in text or "Log" in text) and bool(_LOG_CALL.search(text))
+
+
+def _about_logs(text: str) -> str:
+    """Give the lines of a text that say anything of logarithms."""
+    if "log" not in text and "Log" not in text and "ln" not in text:
+        return ""
+    lines = (line for line in text.split("\n") if "log" in line or "Log" in line or "ln" in line)
+    return "\n".join(lines)
+
+
+def _aliases(source: str) -> set[str]:
+    """Find the other names that a file gives to logarithms."""
+    return {name for pair in _LOG_ALIAS.findall(_about_logs(source)) for name in pair if name}
 
 
 def _holders(logging: list[_Body]) -> re.Pattern[str] | None:
@@ -117,9 +149,10 @@ def _holders(logging: list[_Body]) -> re.Pattern[str] | None:
     for body in logging:
         if body.node is not None:
             names.add(body.node.name)
-            names |= {name for name in _LOG_HOLDER.findall(body.text) if name in body.writes}
+            held = _LOG_HOLDER.findall(_about_logs(body.text))
+            names |= {name for name in held if name in body.writes}
         else:
-            names |= set(_LOG_HOLDER.findall(body.text))
+            names |= set(_LOG_HOLDER.findall(_about_logs(body.text)))
     return re.compile(rf"\b(?:{'|'.join(map(re.escape, sorted(names)))})\b") if names else None
 
 
