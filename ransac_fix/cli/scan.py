@@ -1,7 +1,15 @@
 """``ransac-fix scan``: find stopping rules in source code."""
 
+from typing import TYPE_CHECKING
+
 import click
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ransac_fix.scan import ScanResult
+
+_FORMATS = ("full", "concise", "json", "json-lines", "github", "sarif")
 _EXIT_FINDINGS = 1
 _EXIT_ERROR = 2
 
@@ -10,9 +18,15 @@ _EXIT_ERROR = 2
 @click.argument("paths", nargs=-1, required=True, type=click.Path(), metavar="PATH...")
 @click.option(
     "--output-format",
-    type=click.Choice(["full", "concise", "json", "json-lines"]),
+    type=click.Choice(_FORMATS),
     default="full",
     show_default=True,
+)
+@click.option(
+    "--output",
+    multiple=True,
+    metavar="FORMAT:FILE",
+    help="Write one more format into a file; as often as needed.",
 )
 @click.option("--select", multiple=True, metavar="CODE", help="Check only these rules (RFX00).")
 @click.option("--ignore", multiple=True, metavar="CODE", help="Leave these rules out.")
@@ -41,6 +55,7 @@ def command(
     ctx: click.Context,
     paths: tuple[str, ...],
     output_format: str,
+    output: tuple[str, ...],
     select: tuple[str, ...],
     ignore: tuple[str, ...],
     exclude: tuple[str, ...],
@@ -64,12 +79,13 @@ def command(
     named file could not be read or the arguments are wrong.
     """
     from dataclasses import replace
+    from pathlib import Path
 
-    from ransac_fix.report import findings_json, findings_text
     from ransac_fix.scan import scan_paths
     from ransac_fix.scan.configuration import Configuration, find_configuration
     from ransac_fix.scan.files import DEFAULT_EXCLUDES
 
+    files = [_format_and_file(one) for one in output]
     settings = Configuration() if isolated else find_configuration(paths)
     result = scan_paths(
         paths,
@@ -101,14 +117,34 @@ def command(
             findings=tuple(one for one in result.findings if id(one) not in done),
             errors=(*result.errors, *errors),
         )
-    writers = {
-        "full": findings_text.findings_full,
-        "concise": findings_text.findings_concise,
-        "json": findings_json.findings_json,
-        "json-lines": findings_json.findings_json_lines,
-    }
+    writers = _writers()
+    for name, file in files:
+        Path(file).write_text(writers[name](result), encoding="utf-8")
     click.echo(writers[output_format](result), nl=False)
     if any(error.named for error in result.errors):
         ctx.exit(_EXIT_ERROR)
     if result.findings and not exit_zero:
         ctx.exit(_EXIT_FINDINGS)
+
+
+def _format_and_file(text: str) -> tuple[str, str]:
+    name, _, file = text.partition(":")
+    if name not in _FORMATS or not file:
+        raise click.BadParameter(
+            f"{text!r} is not FORMAT:FILE; the formats are {', '.join(_FORMATS)}",
+            param_hint="--output",
+        )
+    return name, file
+
+
+def _writers() -> "dict[str, Callable[[ScanResult], str]]":
+    from ransac_fix.report import findings_github, findings_json, findings_sarif, findings_text
+
+    return {
+        "full": findings_text.findings_full,
+        "concise": findings_text.findings_concise,
+        "json": findings_json.findings_json,
+        "json-lines": findings_json.findings_json_lines,
+        "github": findings_github.findings_github,
+        "sarif": findings_sarif.findings_sarif,
+    }
