@@ -16,6 +16,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
     "probe": ("probe", "Measure which stopping rule your own RANSAC obeys."),
     "explain": ("explain", "What both stopping rules do on your own numbers."),
     "scan": ("scan", "Find stopping rules in source code."),
+    "baseline": ("baseline", "Keep the findings that are known, for `scan --baseline`."),
     "rule": ("rule", "What a rule of the scan finds, why, and what to write instead."),
     "rules": ("rules", "List the rules of the scan."),
     "run": ("run", "Run a Python program with its libraries patched."),

@@ -46,6 +46,12 @@ _EXIT_ERROR = 2
     metavar="N",
     help="Worker processes; by default one for each core.",
 )
+@click.option(
+    "--baseline",
+    type=click.Path(),
+    metavar="FILE",
+    help="Report only what this file does not know of (`ransac-fix baseline update` writes it).",
+)
 @click.option("--fix", is_flag=True, help="Write the safe fixes into the files.")
 @click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
 @click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
@@ -62,6 +68,7 @@ def command(
     respect_gitignore: bool | None,
     isolated: bool,
     jobs: int,
+    baseline: str | None,
     fix: bool,
     diff: bool,
     unsafe_fixes: bool,
@@ -97,6 +104,12 @@ def command(
             settings.respect_gitignore if respect_gitignore is None else respect_gitignore
         ),
     )
+    if baseline is not None:
+        from ransac_fix.scan.baseline import compare
+
+        compared = compare(result, Path(baseline))
+        result = compared.result
+        click.echo(_compared(compared.known, len(compared.gone)), err=True)
     if fix or diff:
         from ransac_fix.scan.fixing import fix_findings
 
@@ -125,6 +138,13 @@ def command(
         ctx.exit(_EXIT_ERROR)
     if result.findings and not exit_zero:
         ctx.exit(_EXIT_FINDINGS)
+
+
+def _compared(known: int, gone: int) -> str:
+    text = f"{known} finding{'' if known == 1 else 's'} known to the baseline"
+    if gone:
+        text += f", {gone} of it gone since: `ransac-fix baseline update` forgets what was fixed"
+    return f"{text}."
 
 
 def _format_and_file(text: str) -> tuple[str, str]:
