@@ -46,24 +46,109 @@ def fix_probability(read: ReadSite, text: Text, path: str) -> Fix | str:
     target = algebra.plain(site.assumed) if alone else probability.power
     if target is None or target.span is None:
         return "the power is not written in one place"
-    found = _counts(read)
-    if found is None:
-        return "only the ratio of inliers is known here, not the two counts it is made of"
     size = read.roles.get("sample_size")
-    inliers, samples = (spell(one, text) for one in (found.n_inliers, found.n_samples))
-    if not size or not inliers or not samples:
-        return "the counts cannot be spelled here"
+    if not size:
+        return "the sample size cannot be spelled here"
     module = tree(text.source)
     flow = _Flow(module, text)
+    found = _counts(read)
+    if found is None:
+        return _with_expected_counts(read, text, path, flow, target.span, size)
+    inliers, samples = (spell(one, text) for one in (found.n_inliers, found.n_samples))
+    if not inliers or not samples:
+        return "the counts cannot be spelled here"
     division = found.division.span
     if division is None or not flow.holds_until(f"{inliers} {samples}", division, target.span):
         return "the counts may have changed since the ratio was made of them"
     call = f"{HELPER}({inliers}, {samples}, {size})"
-    edits = [Edit(_location(path, target.span), call)]
-    if HELPER not in {name for name, _ in flow.functions()}:
-        edits.insert(0, _insertion(path, module, text))
     safe = _is_count(found.n_inliers) and _is_count(found.n_samples)
-    return Fix("use the probability for distinct samples", safe, tuple(edits))
+    edits = _edits(path, flow, target.span, text, call)
+    return Fix("use the probability for distinct samples", safe, edits)
+
+
+def _edits(path: str, flow: "_Flow", span: Span, text: Text, call: str) -> tuple[Edit, ...]:
+    edit = Edit(_location(path, span), call)
+    if HELPER in {name for name, _ in flow.functions()}:
+        return (edit,)
+    return (_insertion(path, flow.module, text), edit)
+
+
+def _with_expected_counts(
+    read: ReadSite, text: Text, path: str, flow: "_Flow", span: Span, size: str
+) -> Fix | str:
+    """Make the counts of an assumed ratio and of the number of data that the sampler draws from."""
+    only = "only the ratio of inliers is known here, not the two counts it is made of"
+    ratio = read.roles.get("inlier_ratio")
+    if read.adaptive or ratio is None:
+        return only
+    population = _population(read, flow.module, text)
+    if population is None or read.draw is None:
+        return f"{only}, and not how many data there are"
+    if not flow.is_known_at(population, span) or not flow.holds_until(
+        population, span, read.draw.span, anywhere=True
+    ):
+        return f"{only}, and the number of data is not known yet"
+    if population == size:
+        return "the exponent is the number of data, not the size of a sample"
+    call = f"{HELPER}(round({_factor(ratio)} * {_factor(population)}), {population}, {size})"
+    return Fix(
+        "use the probability for distinct samples, with the number of inliers to be expected",
+        safe=False,
+        edits=_edits(path, flow, span, text, call),
+    )
+
+
+def _factor(text: str) -> str:
+    return text if re.fullmatch(r"[\w.]+(?:\[[\w]+\]|\([\w.]*\))?", text) else f"({text})"
+
+
+def _population(read: ReadSite, module: ast.Module, text: Text) -> str | None:
+    """Spell the number of data that the sampler of a site draws from."""
+    call = _call_at(module, read.draw.span, text) if read.draw is not None else None
+    if call is None or not isinstance(call.func, ast.Attribute | ast.Name):
+        return None
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else call.func.id
+    arguments = call.args
+    if not arguments:
+        return None
+    match name:
+        case "sample" | "choices":
+            if isinstance(call.func, ast.Attribute) and ast.unparse(call.func.value) != "random":
+                return None
+            return _size_of(arguments[0]) or f"len({ast.unparse(arguments[0])})"
+        case "choice" | "permutation" | "randperm" | "sample_without_replacement":
+            return _size_of(arguments[0])
+        case "randint" | "integers" | "random_integers":
+            ends = arguments[:2]
+            single = isinstance(call.func, ast.Name) or ast.unparse(call.func.value) == "random"
+            if len(ends) == 2 and ast.unparse(ends[0]) != "0":
+                return None
+            return _one_more(ends[-1]) if single else ast.unparse(ends[-1])
+        case "randrange":
+            return ast.unparse(arguments[0]) if len(arguments) == 1 else None
+    return None
+
+
+def _size_of(node: ast.expr) -> str | None:
+    """Spell how many entries ``range(n)``, ``arange(n)`` or a number of data stands for."""
+    match node:
+        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[size]):
+            return ast.unparse(size)
+        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[low, size]):
+            return ast.unparse(size) if ast.unparse(low) == "0" else None
+        case ast.Call(func=ast.Name(id="len")) | ast.Attribute(attr="size"):
+            return ast.unparse(node)
+        case ast.Subscript(value=ast.Attribute(attr="shape")):
+            return ast.unparse(node)
+    return None
+
+
+def _one_more(node: ast.expr) -> str | None:
+    """Read n out of n - 1, the largest index."""
+    match node:
+        case ast.BinOp(left=left, op=ast.Sub(), right=ast.Constant(value=1)):
+            return ast.unparse(left)
+    return None
 
 
 def _counts(read: ReadSite) -> Counts | None:
@@ -178,7 +263,7 @@ class _Flow:
     """The statements of a module, to see whether a value still holds somewhere else."""
 
     def __init__(self, module: ast.Module, text: Text) -> None:
-        self._module = module
+        self.module = module
         self._text = text
         self._steps: list[_Step] = []
         self._read(module.body, None)
@@ -196,12 +281,42 @@ class _Flow:
 
     def functions(self) -> Iterator[tuple[str, ast.stmt]]:
         """Yield the functions of the module itself."""
-        for node in self._module.body:
+        for node in self.module.body:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 yield node.name, node
 
-    def holds_until(self, names_in: str, start: Span, end: Span) -> bool:
-        """Whether the names in a text mean the same at ``end`` as at ``start``."""
+    def is_known_at(self, names_in: str, span: Span) -> bool:
+        """Whether the names in a text have a value at a place, by what stands before it."""
+        step = self._at(span)
+        if step is None:
+            return False
+        function = _function(step)
+        known = {name for name, _ in self.functions()} | {"len"}
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            arguments = function.args
+            every = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+            known |= {argument.arg for argument in every}
+        start = function.lineno if function is not None else 0
+        for node in ast.walk(self.module):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                inside = start <= node.lineno < span.line
+                if inside and self._dominates_line(node.lineno, step):
+                    known.add(node.id)
+        bare = re.sub(r"\.\s*\w+", "", names_in)  # attributes belong to what they are of
+        return set(re.findall(r"[A-Za-z_]\w*", bare)) <= known
+
+    def _dominates_line(self, line: int, last: "_Step") -> bool:
+        return any(
+            step.node.lineno <= line <= (step.node.end_lineno or line) and _dominates(step, last)
+            for step in self._steps
+            if not isinstance(step.node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        )
+
+    def holds_until(self, names_in: str, start: Span, end: Span, *, anywhere: bool = False) -> bool:
+        """Whether the names in a text mean the same at ``end`` as at ``start``.
+
+        With ``anywhere`` the end may also be in a branch or loop that is not always reached.
+        """
         if (start.line, start.column) >= (end.line, end.column) and (
             start.end_line,
             start.end_column,
@@ -210,7 +325,7 @@ class _Flow:
         first, last = self._at(start), self._at(end)
         if first is None or last is None or _function(first) is not _function(last):
             return False
-        if not _dominates(first, last):
+        if not anywhere and not _dominates(first, last):
             return False
         names = set(re.findall(r"[A-Za-z_]\w*", names_in))
         loops = [
@@ -227,7 +342,7 @@ class _Flow:
         return True
 
     def _writes(self, names: set[str]) -> Iterator[tuple[ast.AST, int, int]]:
-        for node in ast.walk(self._module):
+        for node in ast.walk(self.module):
             written = (isinstance(node, ast.Name) and node.id in names) or (
                 isinstance(node, ast.Attribute) and node.attr in names
             )

@@ -302,3 +302,43 @@ def test_several_rules_share_one_function(tmp_path: Path):
     assert path.read_text().count("def _all_inlier_probability") == 1
     again = CliRunner().invoke(cli, ["scan", "--fix", str(path)])
     assert "Fixed 0 findings in 0 files." in again.stderr
+
+
+POPULATIONS = {
+    "random.sample(range(n), k)": "round(w * n), n, k",
+    "random.sample(points, k)": "round(w * len(points)), len(points), k",
+    "np.random.choice(len(points), k, replace=False)": ("round(w * len(points)), len(points), k"),
+    "np.random.choice(points.shape[0], k, False)": (
+        "round(w * points.shape[0]), points.shape[0], k"
+    ),
+    "np.random.permutation(np.arange(n))[:k]": "round(w * n), n, k",
+}
+
+
+@pytest.mark.parametrize(("draw", "arguments"), POPULATIONS.items())
+def test_a_budget_is_made_exact_with_the_number_of_data_when_asked(draw, arguments):
+    source = f"""
+from math import log
+def ransac(points, n, k, w=0.5, s=0.99):
+    N = int(log(1 - s) / log(1 - w**k))
+    for _ in range(N):
+        sample = {draw}
+"""
+    assert fixed(source) == source
+    text = fixed(source, unsafe=True)
+    assert f"log(1 - _all_inlier_probability({arguments}))" in text
+    assert fixed(text, unsafe=True) == text
+
+
+def test_a_budget_without_the_number_of_data_has_no_fix():
+    source = """
+from math import log
+def ransac(points, k, w=0.5, s=0.99):
+    N = int(log(1 - s) / log(1 - w**k))
+    points = points[1:]
+    for _ in range(N):
+        sample = random.sample(points, k)
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.py", "python", named=True))
+    assert finding.fix is None
+    assert "the number of data is not known yet" in finding.no_fix
