@@ -207,4 +207,5 @@ PATCH = LibraryPatch(
     modules=("pycolmap",),
     plan=plan,
     observe=observe,
+    wraps=True,
 )

@@ -121,5 +121,6 @@ PATCH = LibraryPatch(
     modules=("kornia_rs",),
     plan=plan,
     observe=observe,
+    wraps=True,
     counts_trials=True,
 )

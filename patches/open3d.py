@@ -188,4 +188,5 @@ PATCH = LibraryPatch(
     modules=("open3d",),
     plan=plan,
     observe=plan,
+    wraps=True,
 )

@@ -821,4 +821,5 @@ PATCH = LibraryPatch(
     modules=("cv2",),
     plan=plan,
     observe=observe,
+    wraps=True,
 )

@@ -215,5 +215,6 @@ PATCH = LibraryPatch(
     modules=("poselib",),
     plan=plan,
     observe=observe,
+    wraps=True,
     counts_trials=True,
 )

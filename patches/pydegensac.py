@@ -134,4 +134,5 @@ PATCH = LibraryPatch(
     modules=("pydegensac",),
     plan=plan,
     observe=observe,
+    wraps=True,
 )

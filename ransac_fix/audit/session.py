@@ -54,7 +54,8 @@ class Options:
         Time one entry point may take.
     prepare : str or None
         ``"module:function"``, called with the system's name in each worker before the library
-        is imported; how a patched library is measured.
+        is imported; how a patched library is measured. It returns a function that says, once the
+        library is imported, why it cannot be measured so; None where it can.
     preparable : frozenset of str
         The systems that `prepare` is called for; the others are measured as they are.
     problems : tuple of (n, I, s)

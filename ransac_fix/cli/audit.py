@@ -103,7 +103,7 @@ def command(
         seconds=timeout,
         problems=problems,
         quick=quick,
-        prepare="ransac_fix.patching:patch" if patched else None,
+        prepare="ransac_fix.patching.audited:patch_for_audit" if patched else None,
         preparable=frozenset(one.name for one in entry_points(group="ransac_fix.patches")),
     )
     with _Progress() as progress:

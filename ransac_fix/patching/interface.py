@@ -107,6 +107,10 @@ class LibraryPatch:
         calls the original once, changes nothing, and says what it ran through
         `ransac_fix.patching.missing.missing_trials` or `ransac_fix.patching.watching.note`.
         What says nothing is counted as a call whose RANSAC cannot be seen.
+    wraps : bool, default False
+        The functions replaced run a compiled library once more for the trials that its own rule
+        leaves out; the rule itself stays. Such a library's points cannot be read off one random
+        stream, so the audit does not measure it while it is patched.
     counts_trials : bool, default False
         The trials it tells of are what the library reports, not the least its rule asks for.
     """
@@ -116,4 +120,5 @@ class LibraryPatch:
     modules: tuple[str, ...]
     plan: Plan
     observe: Plan | None = None
+    wraps: bool = False
     counts_trials: bool = False

@@ -27,10 +27,26 @@ def patched():
         Options(
             names,
             sys.executable,
-            prepare="ransac_fix.patching:patch",
+            prepare="ransac_fix.patching.audited:patch_for_audit",
             preparable=frozenset(names),
         )
     )
+
+
+def test_a_wrapped_library_is_not_measured_by_points_it_cannot_have():
+    report = audit(
+        Options(
+            ("poselib", "colmap"),
+            sys.executable,
+            prepare="ransac_fix.patching.audited:patch_for_audit",
+            preparable=frozenset(("poselib", "colmap")),
+            quick=True,
+        )
+    )
+    assert verdict_on(report, "poselib").verdict == "not measured"
+    assert "fresh samples" in verdict_on(report, "poselib").reason
+    # Exact already: nothing was wrapped.
+    assert verdict_on(report, "colmap").verdict == "exact"
 
 
 def verdict_on(report, system):

@@ -14,7 +14,7 @@ from ransac_fix.audit.worker import streams
 from ransac_fix.audit.worker.interface import EntryPoint, Probe, Unmeasured
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
     from typing import TextIO
 
@@ -40,9 +40,10 @@ class Worker:
 
     def describe(self, request: dict[str, Any]) -> dict[str, Any]:
         """Import the library and name its entry points."""
+        unmeasurable: Callable[[], str | None] | None = None
         if request.get("prepare"):
             where, function = request["prepare"].split(":")
-            getattr(importlib.import_module(where), function)(self.probe.system)
+            unmeasurable = getattr(importlib.import_module(where), function)(self.probe.system)
         if self.probe.one_cpu and hasattr(os, "sched_setaffinity"):
             allowed = sorted(os.sched_getaffinity(0))
             os.sched_setaffinity(0, {allowed[os.getpid() % len(allowed)]})
@@ -53,6 +54,9 @@ class Worker:
                 return {"system": self.probe.system, "installed": False}
             raise
         listed = self.probe.entry_points(library)
+        why = unmeasurable() if unmeasurable is not None else None
+        if why is not None:
+            listed = [Unmeasured(one.name, why) for one in listed]
         self.entry_points = {one.name: one for one in listed if isinstance(one, EntryPoint)}
         return {
             "system": self.probe.system,
