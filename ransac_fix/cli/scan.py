@@ -97,8 +97,8 @@ def command(
     result = scan_paths(
         paths,
         jobs=jobs,
-        select=select or settings.select,
-        ignore=ignore or settings.ignore,
+        select=_codes(select) or settings.select,
+        ignore=_codes(ignore) or settings.ignore,
         excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),
         respect_gitignore=(
             settings.respect_gitignore if respect_gitignore is None else respect_gitignore
@@ -138,6 +138,10 @@ def command(
         ctx.exit(_EXIT_ERROR)
     if result.findings and not exit_zero:
         ctx.exit(_EXIT_FINDINGS)
+
+
+def _codes(values: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(code.strip() for value in values for code in value.split(","))
 
 
 def _compared(known: int, gone: int) -> str:

@@ -40,6 +40,7 @@ from ransac_fix.scan.form import (
     Stmt,
     Unknown,
 )
+from ransac_fix.scan.walk import functions as functions_of
 
 Env = dict[str, Expr]
 
@@ -130,7 +131,7 @@ class _Evaluator:
         self._target: str | None = None
         self._call: Span | None = None
         self._inlining = 0
-        for function in _all_functions(module.body):
+        for function in functions_of(module.body):
             self._functions.setdefault(function.name, []).append(function)
 
     def run(self) -> list[Candidate]:
@@ -138,7 +139,7 @@ class _Evaluator:
         env: Env = {}
         self._block(self._module.body, env)
         self._globals = env
-        everything = list(_all_functions(self._module.body))
+        everything = list(functions_of(self._module.body))
         for function in everything:
             if function.owner and any("." in name for name in _assigned(function.body)):
                 self._walk_function(function)
@@ -762,21 +763,6 @@ Arguments = tuple[tuple[Expr, ...], tuple[tuple[str, Expr], ...]]
 
 
 # ---- small questions ------------------------------------------------------------------------
-
-
-def _all_functions(body: tuple[Stmt, ...]) -> Iterator[Function]:
-    for stmt in body:
-        match stmt:
-            case Function():
-                yield stmt
-                yield from _all_functions(stmt.body)
-            case Class() | Loop():
-                yield from _all_functions(stmt.body)
-            case If():
-                yield from _all_functions(stmt.body)
-                yield from _all_functions(stmt.orelse)
-            case _:
-                pass
 
 
 def _assigned(body: tuple[Stmt, ...]) -> dict[str, None]:

@@ -10,6 +10,7 @@ import ast
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.algebra import Counts
@@ -49,8 +50,7 @@ def fix_probability(read: ReadSite, text: Text, path: str) -> Fix | str:
     size = read.roles.get("sample_size")
     if not size:
         return "the sample size cannot be spelled here"
-    module = tree(text.source)
-    flow = _Flow(module, text)
+    flow = _flow_of(text)
     found = _counts(read)
     if found is None:
         return _with_expected_counts(read, text, path, flow, target.span, size)
@@ -194,7 +194,7 @@ def fix_sampler(read: ReadSite, text: Text, path: str) -> Fix | str:
     """Make the sampler of a site draw distinct samples, or say why that cannot be done."""
     if read.draw is None:
         return "the sampler was not found"
-    call = _call_at(tree(text.source), read.draw.span, text)
+    call = _call_at(_flow_of(text).module, read.draw.span, text)
     if call is None or not isinstance(call.func, ast.Attribute):
         return "the sampler has no form that draws distinct samples"
     span = read.draw.span
@@ -257,6 +257,11 @@ class _Step:
     block: int
     index: int
     parent: "_Step | None"
+
+
+@lru_cache(maxsize=1)
+def _flow_of(text: Text) -> "_Flow":
+    return _Flow(tree(text.source), text)
 
 
 class _Flow:

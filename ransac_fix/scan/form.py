@@ -213,6 +213,7 @@ class Parameter:
 
     name: str
     default: Expr | None = None
+    span: Span | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -244,6 +244,10 @@ class _Reader:
             self._bodies = outer
         return form.Function(node.name, self._parameters(node.args), body, self._span(node), owner)
 
+    def _name_span(self, argument: ast.arg) -> Span:
+        column = self._column(argument.lineno, argument.col_offset)
+        return Span(argument.lineno, column, argument.lineno, column + len(argument.arg))
+
     def _parameters(self, arguments: ast.arguments) -> tuple[form.Parameter, ...]:
         positional = [*arguments.posonlyargs, *arguments.args]
         defaults: Sequence[ast.expr | None] = [
@@ -253,7 +257,9 @@ class _Reader:
         pairs: list[tuple[ast.arg, ast.expr | None]] = list(zip(positional, defaults, strict=True))
         pairs += list(zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True))
         return tuple(
-            form.Parameter(argument.arg, self.expr(default) if default else None)
+            form.Parameter(
+                argument.arg, self.expr(default) if default else None, self._name_span(argument)
+            )
             for argument, default in pairs
         )
 

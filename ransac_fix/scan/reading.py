@@ -23,7 +23,7 @@ from ransac_fix.scan.form import (
 )
 from ransac_fix.scan.python import split_lines
 from ransac_fix.scan.recogniser import Site
-from ransac_fix.scan.sampler import Draw, draws, law_for
+from ransac_fix.scan.sampler import Draw, draws, law_for, same_function
 
 _LEVELS: tuple[Certainty, ...] = ("low", "medium", "high")
 _RANDOM = ("random", "rand", "next_double", "uniform", "standard_exponential", "exponential")
@@ -45,6 +45,8 @@ class ReadSite:
     sampler : {"distinct", "replacement", "weighted", "unknown"}
     draw : Draw or None
         Where the minimal sample is drawn.
+    near_draw : bool
+        Whether that is in the function of the rule or in one that calls it.
     expression : str
         The source of the site on one line.
     """
@@ -55,6 +57,7 @@ class ReadSite:
     adaptive: bool
     sampler: str
     draw: Draw | None
+    near_draw: bool
     expression: str
 
 
@@ -111,6 +114,7 @@ def read_sites(
                 _is_adaptive(site),
                 law,
                 draw,
+                draw is not None and any(same_function(draw.function, one) for one in near),
                 text.at(site.span),
             )
         )

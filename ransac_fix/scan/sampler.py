@@ -5,33 +5,11 @@ form by name and arguments; a call that draws one index at a time repeats itself
 near it checks for that.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ransac_fix.scan.form import (
-    Assign,
-    Call,
-    Choice,
-    Class,
-    Each,
-    Evaluate,
-    Expr,
-    Function,
-    If,
-    Item,
-    Lambda,
-    Leave,
-    Loop,
-    Module,
-    Name,
-    Num,
-    Op,
-    Ref,
-    Seq,
-    Span,
-    Stmt,
-    Unknown,
-)
+from ransac_fix.scan.form import Call, Expr, Function, Module, Name, Num, Op, Seq, Span
+from ransac_fix.scan.walk import expressions, inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +25,15 @@ class Draw:
         Where it stands.
     loops : int
         How many loops, comprehensions included, it stands in.
+    size : int or None
+        How many indices it draws, where that is written as a number.
     """
 
     law: str
     span: Span
     function: Function | None
     loops: int
+    size: int | None = None
 
 
 _DISTINCT = frozenset(
@@ -74,13 +55,13 @@ def draws(module: Module) -> list[Draw]:
     """Find the calls of a file that draw indices, single draws settled by what checks them."""
     found: list[Draw] = []
     checked: set[int | None] = set()
-    for expr, function, loops in _expressions(module.body, None, 0):
+    for expr, function, loops in expressions(module.body, None, 0):
         if isinstance(expr, Call):
             if expr.name in _CHECKS:
                 checked.add(_key(function))
             law = _law(expr)
             if law is not None and expr.span is not None:
-                found.append(Draw(law, expr.span, function, loops))
+                found.append(Draw(law, expr.span, function, loops, _size(expr)))
         elif isinstance(expr, Op) and expr.op == "in" and loops:
             checked.add(_key(function))
     return [_settled(draw, _key(draw.function) in checked) for draw in found]
@@ -105,7 +86,9 @@ def law_for(
     draw : Draw or None
     """
     known = list(all_draws)
-    near = [[draw for draw in known if _same(draw.function, function)] for function in functions]
+    near = [
+        [draw for draw in known if same_function(draw.function, function)] for function in functions
+    ]
     near.append(
         [draw for draw in known if owner and draw.function and draw.function.owner == owner]
     )
@@ -121,7 +104,8 @@ def law_for(
     return "unknown", None
 
 
-def _same(one: Function | None, other: Function | None) -> bool:
+def same_function(one: Function | None, other: Function | None) -> bool:
+    """Whether two functions are the same, or both the module itself."""
     # By place: the draws may come from another reading of the same file.
     if one is None or other is None:
         return one is other
@@ -131,7 +115,7 @@ def _same(one: Function | None, other: Function | None) -> bool:
 def _settled(draw: Draw, checked: bool) -> Draw:
     if draw.law == "single" or (draw.law == "replacement" and checked):
         law = "distinct" if checked else "replacement"
-        return Draw(law, draw.span, draw.function, draw.loops)
+        return Draw(law, draw.span, draw.function, draw.loops, draw.size)
     return draw
 
 
@@ -173,6 +157,18 @@ def _law(call: Call) -> str | None:
     return None
 
 
+def _size(call: Call) -> int | None:
+    """Read the number of indices that a call draws."""
+    keywords = dict(call.keywords)
+    place = {"randint": 2, "integers": 2}.get(call.name, 1)
+    value = next((keywords[name] for name in ("size", "k", "n") if name in keywords), None)
+    if value is None and call.name in ("choice", "sample", "choices", "randint", "integers"):
+        value = call.args[place] if len(call.args) > place else None
+    if isinstance(value, Seq) and len(value.items) == 1:
+        value = value.items[0]
+    return int(value.value) if isinstance(value, Num) else None
+
+
 def _by_replace(value: Expr) -> str:
     if isinstance(value, Name) and value.name == "False":
         return "distinct"
@@ -183,77 +179,7 @@ def _by_replace(value: Expr) -> str:
 
 def _draws_noise(args: tuple[Expr, ...]) -> bool:
     for expr in args:
-        for inner in _inside(expr):
+        for inner in inside(expr):
             if isinstance(inner, Call) and inner.name in ("rand", "random", "rand_like"):
                 return True
     return False
-
-
-def _expressions(
-    body: tuple[Stmt, ...], function: Function | None, loops: int
-) -> Iterator[tuple[Expr, Function | None, int]]:
-    for stmt in body:
-        match stmt:
-            case Assign(value=value) | Evaluate(value=value):
-                yield from _nested(value, function, loops)
-            case Leave(value=value) if value is not None:
-                yield from _nested(value, function, loops)
-            case If():
-                yield from _nested(stmt.test, function, loops)
-                yield from _expressions(stmt.body, function, loops)
-                yield from _expressions(stmt.orelse, function, loops)
-            case Loop():
-                if stmt.source is not None:
-                    yield from _nested(stmt.source, function, loops)
-                if stmt.test is not None:
-                    yield from _nested(stmt.test, function, loops + 1)
-                yield from _expressions(stmt.body, function, loops + 1)
-            case Function():
-                yield from _expressions(stmt.body, stmt, 0)
-            case Class():
-                yield from _expressions(stmt.body, None, 0)
-            case _:
-                pass
-
-
-def _nested(
-    expr: Expr, function: Function | None, loops: int
-) -> Iterator[tuple[Expr, Function | None, int]]:
-    yield expr, function, loops
-    deeper = loops + 1 if isinstance(expr, Each) else loops
-    for child in _children(expr):
-        yield from _nested(child, function, deeper)
-
-
-def _inside(expr: Expr) -> Iterator[Expr]:
-    yield expr
-    for child in _children(expr):
-        yield from _inside(child)
-
-
-def _children(expr: Expr) -> tuple[Expr, ...]:
-    match expr:
-        case Call():
-            values = tuple(value for _, value in expr.keywords)
-            return (*((expr.base,) if expr.base is not None else ()), *expr.args, *values)
-        case Op(args=args):
-            return args
-        case Choice(options=options):
-            return options
-        case Ref(value=value):
-            return (value,)
-        case Each(body=inner, source=source):
-            return (inner, source)
-        case Seq(items=items):
-            return items
-        case Item(base=base, index=index):
-            return (base, index)
-        case Unknown(parts=parts):
-            return parts
-        case Lambda(function=function):
-            return tuple(
-                stmt.value
-                for stmt in function.body
-                if isinstance(stmt, Leave) and stmt.value is not None
-            )
-    return ()

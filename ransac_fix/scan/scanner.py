@@ -30,12 +30,16 @@ _MAX_BYTES = 20_000_000
 FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
 
 
-def may_hold_a_rule(data: bytes) -> bool:
-    """Whether a file's bytes could hold a stopping rule at all."""
+def may_matter(data: bytes, rules: Sequence[Rule]) -> bool:
+    """Whether a file's bytes could break one of the rules at all."""
     # No rule does without a logarithm, or a power of a complement of a power. The gates lose
     # nothing: tests run with and without them over real trees and compare.
     logarithms = b"log" in data or b"Log" in data or b"ln(" in data
-    if (logarithms or data.count(b"**") + data.count(b"pow") > 1) and words.in_bytes(data):
+    mathematics = logarithms or data.count(b"**") + data.count(b"pow") > 1
+    lowered = data.lower()
+    if mathematics and words.in_lowered(lowered):
+        return True
+    if any(rule.concerns(lowered) for rule in rules):
         return True
     return b"ransac-fix:" in data or b"RFX" in data  # a comment that may set nothing aside
 
@@ -62,7 +66,8 @@ def scan_file(
             data = stream.read(_MAX_BYTES + 1)
     except OSError as error:
         return (), (_error(file, f"cannot be read: {error.strerror or error}"),)
-    if gate and not file.named and not may_hold_a_rule(os.fsencode(file.path) + b"\n" + data):
+    chosen = all_rules() if rules is None else rules
+    if gate and not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, chosen):
         return (), ()
     if len(data) > _MAX_BYTES:
         return (), (_error(file, f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"),)
@@ -70,19 +75,20 @@ def scan_file(
         source = decode(data, file.language)
     except (SyntaxError, UnicodeDecodeError, LookupError) as error:
         return (), (_error(file, f"cannot be decoded: {error}"),)
-    return scan_source(source, file, rules, gate=gate)
+    return scan_source(source, file, chosen, gate=gate)
 
 
 def scan_source(
     source: str, file: SourceFile, rules: Sequence[Rule] | None = None, *, gate: bool = True
 ) -> FileOutcome:
     """Scan text that is already in hand; ``file`` says what it is."""
+    chosen = all_rules() if rules is None else rules
     try:
         if file.language == "notebook":
-            return _scan_notebook(source, file, rules)
+            return _scan_notebook(source, file, chosen)
         if file.language == "c++":
-            return _scan_cpp(source, file, rules, gate=gate)
-        return _scan_python(source, file, rules, gate=gate)
+            return _scan_cpp(source, file, chosen, gate=gate)
+        return _scan_python(source, file, chosen, gate=gate)
     except RecursionError:
         return (), (_error(file, "nested too deeply"),)
     except MemoryError:
@@ -124,14 +130,15 @@ def encoding_of(data: bytes) -> str:
 
 
 def _scan_python(
-    source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
+    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
+    wanted = commented or _concerns_one(source, rules)
     if (
         gate
         and not file.named
-        and not commented
+        and not wanted
         and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source))
     ):
         return (), ()
@@ -149,7 +156,7 @@ def _scan_python(
         return (), (_error(file, f"not Python that can be read: {error}"),)
     bodies = triage.relevant(tree, source) if gate else None
     if gate and bodies is None:
-        if not commented:
+        if not wanted:
             return (), ()
         bodies = set()
     module = python.read(tree, source, bodies)
@@ -205,7 +212,7 @@ def check(
         In order of place; those set aside have a ``suppression``.
     """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites), comments, language)
+    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole)
     chosen = all_rules() if rules is None else rules
     found = [finding for rule in chosen for finding in rule.check(scanned)]
     kept, suppressed, unused = apply(found, suppressions(comments))
@@ -259,9 +266,12 @@ def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> Fi
     return kept, errors
 
 
-def _scan_cpp(
-    source: str, file: SourceFile, rules: Sequence[Rule] | None, *, gate: bool
-) -> FileOutcome:
+def _concerns_one(source: str, rules: Sequence[Rule]) -> bool:
+    lowered = source.lower().encode("utf-8", "replace")
+    return any(rule.concerns(lowered) for rule in rules)
+
+
+def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool) -> FileOutcome:
     from ransac_fix.scan import cpp
 
     commented = has_any(source)
@@ -273,7 +283,7 @@ def _scan_cpp(
     return tuple(findings), ()
 
 
-def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule] | None) -> FileOutcome:
+def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule]) -> FileOutcome:
     try:
         notebook = read_notebook(source)
     except NotANotebook as error:

@@ -33,6 +33,11 @@ _OTHER = re.compile(
 )
 
 
+def is_ransac(name: str) -> bool:
+    """Whether a name is of RANSAC itself or one of its kin."""
+    return "ransac" in name.lower() or "consensus" in name.lower()
+
+
 def speaks_strongly(text: str) -> bool:
     """Whether a text uses a word that is of RANSAC alone."""
     return bool(_STRONG.search(text))
@@ -48,7 +53,6 @@ def speaks_of_other(text: str) -> bool:
     return bool(_OTHER.search(text))
 
 
-def in_bytes(data: bytes) -> bool:
-    """Whether a file could speak for RANSAC at all: in whatever case, so a superset."""
-    lowered = data.lower()
+def in_lowered(lowered: bytes) -> bool:
+    """Whether a file, in lower case, could speak for RANSAC at all."""
     return any(word in lowered for word in _BYTES)

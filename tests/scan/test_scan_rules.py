@@ -26,7 +26,10 @@ def codes(source: str, path: str = "ransac.py") -> list[str]:
 
 @pytest.mark.parametrize(("rule", "title"), INVALID, ids=_id)
 def test_finds_its_invalid_examples(rule, title):
-    assert codes(rule.invalid[title]) == [rule.code]
+    found = codes(rule.invalid[title])
+    assert found.count(rule.code) == 1
+    # The same place may break another rule too, but not those that exclude each other.
+    assert len({"RFX001", "RFX002", "RFX003"} & set(found)) <= 1
 
 
 @pytest.mark.parametrize(("rule", "title"), VALID, ids=_id)

@@ -6,7 +6,7 @@ it; a rule without them cannot be loaded.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -32,7 +32,9 @@ class ScannedFile:
     comments : tuple of Comment
         Its comments; read only where one could set a finding aside.
     language : str
-        "python", "notebook", or "python 2" for what had to be repaired to be read.
+        "python", "notebook", "c++", or "python 2" for what had to be repaired to be read.
+    whole : callable or None
+        Gives the whole file, where ``module`` is only the part that could hold a stopping rule.
     """
 
     path: str
@@ -41,6 +43,11 @@ class ScannedFile:
     sites: tuple[ReadSite, ...]
     comments: tuple[Comment, ...] = ()
     language: str = "python"
+    whole: Callable[[], Module] | None = None
+
+    def everything(self) -> Module:
+        """Give the whole file in the small form; ``module`` may be the part that matters."""
+        return self.module if self.whole is None else self.whole()
 
     def location(self, span: Span) -> Location:
         """Give a span as a location of this file."""
@@ -68,6 +75,11 @@ class Rule(ABC):
     @abstractmethod
     def check(self, file: ScannedFile) -> Iterator[Finding]:
         """Find the places of a file where the rule is broken."""
+
+    def concerns(self, lowered: bytes) -> bool:
+        """Whether a file, in lower case, must be read for this rule without a stopping rule."""
+        del lowered
+        return False
 
     def check_unused(self, unused: Iterable[Suppression], file: ScannedFile) -> Iterator[Finding]:
         """Find fault with the comments that set nothing aside; one rule does."""

@@ -1,0 +1,117 @@
+"""RFX006, the confidence that is not used."""
+
+import re
+from collections.abc import Iterator
+from typing import ClassVar
+
+from ransac_fix.scan import words
+from ransac_fix.scan.findings import Finding
+from ransac_fix.scan.form import Call, Function, If, Loop, Name, Stmt
+from ransac_fix.scan.rules.base import Rule, ScannedFile
+from ransac_fix.scan.walk import expressions, functions
+
+_CONFIDENCE = re.compile(
+    r"(?:stop_?|success_?|desired_?|wanted_?|ransac_?)?(?:confidence|conf|prob(?:ability)?)"
+    r"|prob(?:ability)?_(?:of_)?success"
+)
+
+
+class UnusedConfidence(Rule):
+    """Confidence that a RANSAC function takes and does not use.
+
+    What it does
+    ------------
+    Finds functions with RANSAC in their name and a loop in their body that take a parameter such
+    as ``confidence`` or ``stop_probability`` and never read it.
+
+    Why is this bad
+    ---------------
+    Who calls the function believes to have chosen how likely it is that no better model was
+    missed. What was chosen is the number of trials alone.
+
+    Use instead
+    -----------
+    End the loop at ``ransac_fix.required_trials(n_inliers, n_samples, sample_size, confidence)``
+    trials, worked out again whenever a better model is found; or take the parameter away.
+    """
+
+    code = "RFX006"
+    name = "unused-confidence"
+    summary = "confidence that a RANSAC function takes and does not use"
+    valid: ClassVar[dict[str, str]] = {
+        "It is used.": """
+def ransac(points, fit, confidence=0.99):
+    trials = 100
+    while trials > 0:
+        inliers = fit(points)
+        trials = min(trials, required_trials(len(inliers), len(points), 3, confidence))
+""",
+        "Nothing is done here: a stub, or an interface.": """
+def ransac(points, confidence=0.99):
+    raise NotImplementedError
+""",
+        "It is handed on.": """
+def ransac(points, fit, confidence=0.99, **options):
+    for _ in range(9):
+        fit(points, stop=confidence)
+""",
+    }
+    invalid: ClassVar[dict[str, str]] = {
+        "A fixed number of trials.": """
+def ransac(points, fit, confidence=0.99, max_trials=100):
+    best = []
+    for _ in range(max_trials):
+        inliers = fit(points)
+        best = max(best, inliers, key=len)
+    return best
+""",
+        "A method.": """
+class RansacPlane:
+    def fit_ransac(self, points, stop_probability):
+        for _ in range(self.max_trials):
+            self.step(points)
+""",
+    }
+
+    def concerns(self, lowered: bytes) -> bool:
+        """Ask for every file that defines something named after RANSAC and a probability."""
+        if b"ransac" not in lowered or (b"conf" not in lowered and b"prob" not in lowered):
+            return False
+        return re.search(rb"def \w*ransac\w*\s*\(", lowered) is not None
+
+    def check(self, file: ScannedFile) -> Iterator[Finding]:
+        """Find the parameters that nothing reads."""
+        for function in functions(file.everything().body):
+            if not _has_loop(function.body) or not words.is_ransac(function.name):
+                continue
+            read = _names_read(function)
+            for one in function.parameters:
+                wanted = _CONFIDENCE.fullmatch(one.name.lower()) and one.span is not None
+                if not wanted or one.name in read or "locals" in read:
+                    continue
+                yield Finding(
+                    self.code,
+                    file.location(one.span or function.span),
+                    "medium",
+                    f"{function.name} takes {one.name} and does not use it: it decides nothing",
+                    {"confidence": one.name},
+                    one.name,
+                )
+
+
+def _has_loop(body: tuple[Stmt, ...]) -> bool:
+    return any(
+        isinstance(stmt, Loop)
+        or (isinstance(stmt, If) and (_has_loop(stmt.body) or _has_loop(stmt.orelse)))
+        for stmt in body
+    )
+
+
+def _names_read(function: Function) -> set[str]:
+    found: set[str] = set()
+    for expr, _, _ in expressions(function.body, function, 0):
+        if isinstance(expr, Name):
+            found.add(expr.name.partition(".")[0])
+        elif isinstance(expr, Call) and expr.base is None:
+            found.add(expr.name)
+    return found
