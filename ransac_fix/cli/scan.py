@@ -55,6 +55,7 @@ _EXIT_ERROR = 2
 @click.option("--fix", is_flag=True, help="Write the safe fixes into the files.")
 @click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
 @click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
+@click.option("--no-cache", is_flag=True, help="Remember nothing of what held nothing.")
 @click.option("--exit-zero", is_flag=True, help="Exit with 0 when something is found.")
 @click.pass_context
 def command(
@@ -72,6 +73,7 @@ def command(
     fix: bool,
     diff: bool,
     unsafe_fixes: bool,
+    no_cache: bool,
     exit_zero: bool,
 ) -> None:
     """Find stopping rules with the approximate probability in source code.
@@ -89,6 +91,7 @@ def command(
     from pathlib import Path
 
     from ransac_fix.scan import scan_paths
+    from ransac_fix.scan.cache import default_cache
     from ransac_fix.scan.configuration import Configuration, find_configuration
     from ransac_fix.scan.files import DEFAULT_EXCLUDES
 
@@ -97,6 +100,7 @@ def command(
     result = scan_paths(
         paths,
         jobs=jobs,
+        cache=None if no_cache else default_cache(),
         select=_codes(select) or settings.select,
         ignore=_codes(ignore) or settings.ignore,
         excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),

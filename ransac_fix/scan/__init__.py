@@ -7,6 +7,9 @@ expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``),
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 from ransac_fix.errors import RansacFixError
 from ransac_fix.scan.files import DEFAULT_EXCLUDES, SourceFile, find_files
@@ -45,6 +48,7 @@ def scan_paths(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     gate: bool = True,
+    cache: Path | None = None,
 ) -> ScanResult:
     """Scan files and folders.
 
@@ -64,6 +68,8 @@ def scan_paths(
     gate : bool
         Whether files and definitions are set aside by their text alone. The findings are the same
         without, and take far longer.
+    cache : Path, optional
+        A file that remembers, by content, what was found to hold nothing.
 
     Returns
     -------
@@ -87,9 +93,15 @@ def scan_paths(
         )
     )
     findings: list[Finding] = []
-    for found, failed in _scan_all(files, jobs, codes, gate=gate):
-        findings += found
-        errors += failed
+    new: set[bytes] = set()
+    for batch in _scan_all(files, jobs, _Options(codes, gate, cache)):
+        findings += batch.findings
+        errors += batch.errors
+        new |= batch.empty
+    if cache is not None and not new <= _known(cache):
+        from ransac_fix.scan.cache import save
+
+        save(cache, _known(cache) | new)
     findings.sort(
         key=lambda one: (one.location.path, one.location.start_line, one.location.start_column)
     )
@@ -99,7 +111,18 @@ def scan_paths(
     return ScanResult(kept, tuple(errors), len(files), suppressed)
 
 
-_Outcome = tuple[Sequence[Finding], Sequence[ScanError]]
+@dataclass(frozen=True, slots=True)
+class _Options:
+    codes: tuple[str, ...]
+    gate: bool
+    cache: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    findings: list[Finding]
+    errors: list[ScanError]
+    empty: set[bytes]
 
 
 def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
@@ -116,23 +139,47 @@ def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _scan_all(
-    files: Sequence[SourceFile], jobs: int, codes: Sequence[str], *, gate: bool
-) -> Iterable[_Outcome]:
+def _scan_all(files: Sequence[SourceFile], jobs: int, options: _Options) -> Iterable[_Batch]:
     if jobs == 1 or len(files) < _PARALLEL_FROM:
-        return _scan_batch(files, codes, gate=gate)
+        return [_scan_batch(files, options)]
     import joblib
 
-    batches = [files[start : start + _BATCH] for start in range(0, len(files), _BATCH)]
-    results: list[list[_Outcome]] = joblib.Parallel(n_jobs=jobs)(
-        joblib.delayed(_scan_batch)(batch, codes, gate=gate) for batch in batches
+    size = max(_BATCH, len(files) // 64)
+    batches = [files[start : start + size] for start in range(0, len(files), size)]
+    results: list[_Batch] = joblib.Parallel(n_jobs=jobs)(
+        joblib.delayed(_scan_batch)(batch, options) for batch in batches
     )
-    return (one for batch in results for one in batch)
+    return results
 
 
-def _scan_batch(files: Sequence[SourceFile], codes: Sequence[str], *, gate: bool) -> list[_Outcome]:
+@lru_cache(maxsize=1)
+def _known_at(path: Path, changed: int) -> frozenset[bytes]:
+    from ransac_fix.scan.cache import load
+
+    del changed
+    return load(path)
+
+
+def _known(path: Path) -> frozenset[bytes]:
+    """Read the cache once a process, and again when it has changed."""
+    try:
+        changed = path.stat().st_mtime_ns
+    except OSError:
+        return frozenset()
+    return _known_at(path, changed)
+
+
+def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
     from ransac_fix.scan.rules import find_rule
     from ransac_fix.scan.scanner import scan_file
 
-    rules = [find_rule(code) for code in codes]
-    return [scan_file(file, rules, gate=gate) for file in files]
+    rules = [find_rule(code) for code in options.codes]
+    known = None if options.cache is None else _known(options.cache)
+    batch = _Batch([], [], set())
+    for file in files:
+        outcome = scan_file(file, rules, gate=options.gate, known=known)
+        batch.findings.extend(outcome.findings)
+        batch.errors.extend(outcome.errors)
+        if outcome.digest is not None:
+            batch.empty.add(outcome.digest)
+    return batch

@@ -101,7 +101,7 @@ def find_files(
     RansacFixError
         A path does not exist, or a named file is in no language that is scanned.
     """
-    excluded = pathspec.GitIgnoreSpec.from_lines(excludes)
+    excluded = _Excludes(excludes)
     seen: set[tuple[int, int]] = set()
     for path in paths:
         if path == "":
@@ -133,13 +133,25 @@ def find_files(
             raise RansacFixError(f"cannot scan {path}: no such file or folder")
 
 
+class _Excludes:
+    """Patterns of what to leave out; bare names, which most are, without a pattern match."""
+
+    def __init__(self, patterns: Sequence[str]) -> None:
+        self._names = {pattern for pattern in patterns if not set(pattern) & set("*?[]!/\\ #")}
+        rest = [pattern for pattern in patterns if pattern not in self._names]
+        self._spec = pathspec.GitIgnoreSpec.from_lines(rest) if rest else None
+
+    def match(self, name: str, relative: str) -> bool:
+        return name in self._names or (self._spec is not None and self._spec.match_file(relative))
+
+
 def _language(path: str) -> str | None:
     return LANGUAGES.get(os.path.splitext(path)[1].lower())
 
 
 def _walk(
     root: str,
-    excluded: pathspec.GitIgnoreSpec,
+    excluded: _Excludes,
     ignores: tuple[_Ignores, ...],
     respect_gitignore: bool,
     on_error: Callable[[ScanError], None],
@@ -163,8 +175,8 @@ def _walk(
             if not is_folder and _language(entry.name) is None:
                 continue
             path = os.path.join(folder, entry.name) if folder != "." else entry.name
-            relative = os.path.relpath(path, root).replace(os.sep, "/")
-            if excluded.match_file(f"{relative}/" if is_folder else relative):
+            relative = path[len(root) :].replace(os.sep, "/").lstrip("/") if root != "." else path
+            if excluded.match(entry.name, f"{relative}/" if is_folder else relative):
                 continue
             if above and _is_ignored(os.path.abspath(path), above, folder=is_folder):
                 continue

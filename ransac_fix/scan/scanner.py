@@ -6,9 +6,10 @@ Nothing that is scanned is ever imported or run.
 import os
 import tokenize
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ransac_fix.scan import evaluate, python, triage, words
+from ransac_fix.scan.cache import digest_of
 from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
 from ransac_fix.scan.form import Module
@@ -44,9 +45,22 @@ def may_matter(data: bytes, rules: Sequence[Rule]) -> bool:
     return b"ransac-fix:" in data or b"RFX" in data  # a comment that may set nothing aside
 
 
+@dataclass(frozen=True, slots=True)
+class FileResult:
+    """What one file gave; ``digest`` when that is nothing and should be remembered."""
+
+    findings: tuple[Finding, ...] = ()
+    errors: tuple[ScanError, ...] = ()
+    digest: bytes | None = None
+
+
 def scan_file(
-    file: SourceFile, rules: Sequence[Rule] | None = None, *, gate: bool = True
-) -> FileOutcome:
+    file: SourceFile,
+    rules: Sequence[Rule] | None = None,
+    *,
+    gate: bool = True,
+    known: frozenset[bytes] | None = None,
+) -> FileResult:
     """Scan one file.
 
     Parameters
@@ -56,26 +70,31 @@ def scan_file(
         The rules to check; all by default.
     gate : bool
         Whether files and definitions are set aside by their text alone.
-
-    Returns
-    -------
-    findings, errors
+    known : frozenset of bytes, optional
+        Digests of what is known to hold nothing; without it nothing is remembered.
     """
+    chosen = all_rules() if rules is None else rules
     try:
         with open(file.path, "rb") as stream:  # noqa: PTH123 -- ten thousand times a scan
             data = stream.read(_MAX_BYTES + 1)
     except OSError as error:
-        return (), (_error(file, f"cannot be read: {error.strerror or error}"),)
-    chosen = all_rules() if rules is None else rules
-    if gate and not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, chosen):
-        return (), ()
+        return FileResult(errors=(_error(file, f"cannot be read: {error.strerror or error}"),))
     if len(data) > _MAX_BYTES:
-        return (), (_error(file, f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"),)
+        message = f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"
+        return FileResult(errors=(_error(file, message),))
+    digest: bytes | None = None
+    if known is not None:
+        digest = digest_of(file, data, [rule.code for rule in chosen])
+        if digest in known:
+            return FileResult(digest=digest)
+    if gate and not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, chosen):
+        return FileResult(digest=digest)
     try:
         source = decode(data, file.language)
     except (SyntaxError, UnicodeDecodeError, LookupError) as error:
-        return (), (_error(file, f"cannot be decoded: {error}"),)
-    return scan_source(source, file, chosen, gate=gate)
+        return FileResult(errors=(_error(file, f"cannot be decoded: {error}"),))
+    findings, errors = scan_source(source, file, chosen, gate=gate)
+    return FileResult(findings, errors, None if findings or errors else digest)
 
 
 def scan_source(
