@@ -123,6 +123,7 @@ class _Evaluator:
         self._attributes: dict[tuple[str, str], list[Expr]] = {}
         self._globals: Env = {}
         self._found: list[Candidate] = []
+        self._imported: set[int] = set()
         self._recording = False
         self._second = False
         self._scope = _Scope(None, None)
@@ -207,7 +208,10 @@ class _Evaluator:
                     self._scope.exits[-1].append(dict(env))
                 return False
             case Import():
-                env[stmt.name] = Name(stmt.target)
+                imported = Name(stmt.target)
+                self._imported.add(id(imported))
+                self._keep.append(imported)
+                env[stmt.name] = imported
             case Function():
                 self._closures[id(stmt)] = env
             case Class():
@@ -309,7 +313,7 @@ class _Evaluator:
                 continue
             total = self._accumulated(before, symbol, value, loop, count)
             both = self._choice([one for one in (before, value) if one is not None])
-            steady[name] = both
+            steady[name] = both if total is None else total
             after[name] = both if total is None else total
         if recording or stmt.test is not None:
             if stmt.test is not None:
@@ -357,7 +361,8 @@ class _Evaluator:
             if len(body) != 1 or body[0][0] != "mul":
                 for operator, factor in body:
                     term = self._new(Op(operator, (term, factor)), (term, factor), POW)
-            over = self._new(Over("prod", term, loop, count), (term,), POW)
+            nested = NESTED if self._has(term, POW) else 0
+            over = self._new(Over("prod", term, loop, count), (term,), POW | nested)
             return self._new(Op("mul", (before, over)), (before, over))
         term = Num(0.0)
         for operator, part in body:
@@ -534,8 +539,8 @@ class _Evaluator:
                 value = self._dotted(head, tail, env)
                 if value is None and head == "this":
                     value = env.get(tail)  # in C++ a global is spelled like a member
-        if isinstance(value, Name) and value.span is None and "." in value.name:
-            return self._new(Name(value.name, expr.span), ())  # an imported member
+        if isinstance(value, Name) and id(value) in self._imported:
+            return value
         facts = LOG if _says_log(expr.name) else 0
         if value is None:
             return self._new(Name(expr.name, expr.span), (), facts)
@@ -546,14 +551,26 @@ class _Evaluator:
             known = self._attributes.get((self._scope.owner, tail))
             if known:
                 return self._choice(known)
-            return None
+            return self._property(tail)
         value = env.get(head)
         while isinstance(value, Ref):
             value = value.value
-        if isinstance(value, Name) and value.span is None and value.name != head:
-            return Name(f"{value.name}.{tail}")
+        if isinstance(value, Name) and id(value) in self._imported:
+            member = Name(f"{value.name}.{tail}")
+            self._imported.add(id(member))
+            self._keep.append(member)
+            return member
         known = self._attributes.get((head, tail))  # Class.constant
         return self._choice(known) if known else None
+
+    def _property(self, name: str) -> Expr | None:
+        """Give what a method without parameters returns, read like an attribute."""
+        for function in self._functions.get(name, ()):
+            alone = [one.name for one in function.parameters] in (["self"], ["cls"])
+            if alone and function.owner == self._scope.owner:
+                summary = self._summary(function)
+                return None if summary is None else summary.value
+        return None
 
     def _each(self, expr: Each, env: Env) -> Expr:
         source = self._expr(expr.source, env)
@@ -629,10 +646,7 @@ class _Evaluator:
             if isinstance(bound, Name) and bound.name != name:
                 module, _, name = bound.name.rpartition(".")
                 base = Name(module) if module else None
-        if isinstance(base, Ref) and isinstance(base.value, Name) and base.value.span is None:
-            resolved = base.value
-            base = resolved if resolved.name in functions.MODULES or "." in resolved.name else base
-        return self._known(name, base, args, keywords, call.span, env)
+        return self._known(name, base, args, keywords, call.span)
 
     def _apply(
         self, function: Function, args: tuple[Expr, ...], keywords: tuple[tuple[str, Expr], ...]
@@ -653,6 +667,11 @@ class _Evaluator:
         self._inlining -= 1
         return value
 
+    def _is_module(self, base: Expr) -> bool:
+        if not isinstance(base, Name):
+            return False
+        return id(base) in self._imported or base.name in functions.MODULES
+
     def _known(
         self,
         name: str,
@@ -660,10 +679,9 @@ class _Evaluator:
         args: tuple[Expr, ...],
         keywords: tuple[tuple[str, Expr], ...],
         span: Span | None,
-        env: Env,
     ) -> Expr:
         """Write a call to a known function one way, whatever library it is from."""
-        module = base is None or _is_module(base, env)
+        module = base is None or self._is_module(base)
         named = dict(keywords)
         # The operand comes first: the receiver of a method, or the first argument.
         operands = args if module or base is None else (base, *args)
@@ -700,6 +718,9 @@ class _Evaluator:
             return self._new(Over("sum", over.body, over.loop, over.count, span), (over.body,))
         if name == "full" and len(operands) >= 2:
             return operands[1]
+        if name == "logn" and len(operands) == 2:  # numpy's logarithm of x to the base n
+            logs = tuple(self._fn("log", (one,), span) for one in operands[::-1])
+            return self._op("div", logs, span)
         if name in functions.UNARY and operands:
             return self._unary(functions.UNARY[name], name, operands, module=module, span=span)
         if name in functions.BINARY and len(operands) >= 2:
@@ -750,7 +771,10 @@ class _Evaluator:
             for item in inner.items[1:]:
                 result = self._op("mul", (result, item), span)
             return result
-        if isinstance(inner, Over):
+        repeated = _repeated(inner)
+        if repeated is not None:
+            body, loop, count = repeated[0], "", repeated[1]
+        elif isinstance(inner, Over):
             body, loop, count = inner.body, inner.loop, inner.count
         else:
             body, loop, count = operand, "", None
@@ -906,6 +930,17 @@ def _unwrap(expr: Expr) -> Expr:
     return expr
 
 
+def _repeated(expr: Expr) -> tuple[Expr, Expr] | None:
+    """Read ``[w] * k``."""
+    match expr:
+        case (
+            Op(op="mul", args=(Seq(items=(one,)), count))
+            | Op(op="mul", args=(count, Seq(items=(one,))))
+        ):
+            return one, count
+    return None
+
+
 def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
     if depth > 12:
         return
@@ -926,16 +961,6 @@ def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
 def _is_power(expr: Expr) -> bool:
     expr = _unwrap(expr)
     return isinstance(expr, Op) and expr.op == "pow"
-
-
-def _is_module(base: Expr, env: Env) -> bool:
-    if not isinstance(base, Name):
-        return False
-    if base.name in functions.MODULES:
-        return True
-    value = env.get(base.name)
-    # An import binds a name without a place of its own.
-    return isinstance(value, Name) and value.span is None and base.span is None
 
 
 def _is_hypergeom(base: Expr | None) -> bool:

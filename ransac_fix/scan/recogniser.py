@@ -151,8 +151,10 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
     for formula in islice(algebra.readings(side), _WAYS):
         for reading in (formula, *islice(algebra.complement(formula), _WAYS)):
             for monomial in islice(algebra.monomials(reading), _WAYS):
+                bases = {algebra.key(power.base) for power in monomial.powers}
                 for power in monomial.powers:
-                    if power.symbol is None or len(monomial.powers) != 1:
+                    # (1-P)**N, or (1-P) once more in each run of a loop
+                    if power.symbol is None or len(bases) != 1:
                         continue
                     for assumed in islice(algebra.complement(power.base), _WAYS):
                         yield assumed, power.symbol, formula

@@ -45,6 +45,7 @@ APPROXIMATE = {
     "cast": "float(w) ** int(k)",
     "clipped": "min(max(w, 1e-9), 1 - 1e-9) ** k",
     "product of equal factors": "np.prod([w] * 0 + [w, w, w])",
+    "product of a repeated list": "np.prod([w] * k)",
     "product in a comprehension": "prod(w for _ in range(k))",
     "prefactor": "(1 / 3) * w**k",
 }
@@ -59,6 +60,7 @@ EXACT = {
     "lgamma": "exp(lgamma(I+1) - lgamma(I-k+1) - lgamma(n+1) + lgamma(n-k+1))",
     "hypergeom": "scipy.stats.hypergeom.pmf(k, n, I, k)",
     "perm": "perm(I, k) / perm(n, k)",
+    "two arrays": "np.prod(np.arange(I - k + 1, I + 1) / np.arange(n - k + 1, n + 1))",
     "comprehension": "prod((I - i) / (n - i) for i in range(k))",
     "array": "np.prod((I - np.arange(k)) / (n - np.arange(k)))",
     "array method": "((I - np.arange(k)) / (n - np.arange(k))).prod()",
@@ -196,6 +198,22 @@ WHOLE = {
     ),
     "test of logarithms": (
         "def f(w, k, s):\n    N = 0\n    while N * log(1 - w**k) > log(1 - s):\n        N += 1"
+    ),
+    "property": (
+        "class A:\n    @property\n    def p(self): return self.w**self.k\n"
+        "    def f(self, s): return log(1 - s) / log(1 - self.p)"
+    ),
+    "numpy's logn": "def f(w, k, s): return np.emath.logn(1 - w**k, 1 - s)",
+    "failure multiplied in each run": (
+        "def f(w, k, s):\n    miss = 1.0\n    while True:\n        miss *= 1 - w**k\n"
+        "        if miss < 1 - s:\n            break"
+    ),
+    "failure multiplied, tested by the loop": (
+        "def f(w, k, s):\n    miss = 1.0\n    while miss > 1 - s:\n        miss = miss * (1 - w**k)"
+    ),
+    "tensorflow": (
+        "import tensorflow as tf\n"
+        "def f(w, k, s): return tf.math.log(1.0 - s) / tf.math.log(1.0 - tf.pow(w, k))"
     ),
     "module level": "w, k, s = 0.5, 4, 0.99\nN = log(1 - s) / log(1 - w**k)",
     "nested function": (
