@@ -5,27 +5,31 @@ that returns the inliers as a boolean mask over the measurements (None where no 
 or such a mask and the number of trials run. x and y are arrays with one measurement a row, the
 two sides of it:
 
-=================  =========================  ==========================  ==
-problem            x                          y                           k
-=================  =========================  ==========================  ==
-``line``           (n, 1) abscissa            (n, 1) ordinate             2
-``plane``          (n, 3) point               (n, 0) nothing              3
-``translation``    (n, 2) pixel               (n, 2) pixel                1
-``similarity``     (n, 2) pixel               (n, 2) pixel                2
-``affine``         (n, 2) pixel               (n, 2) pixel                3
-``homography``     (n, 2) pixel               (n, 2) pixel                4
-``fundamental``    (n, 2) pixel               (n, 2) pixel                7
-``essential``      (n, 2) pixel               (n, 2) pixel                5
-``absolute_pose``  (n, 3) world point         (n, 2) pixel                3
-``translation3d``  (n, 3) point               (n, 3) point                1
-``rigid3d``        (n, 3) point               (n, 3) point                3
-``similarity3d``   (n, 3) point               (n, 3) point                3
-``affine3d``       (n, 3) point               (n, 3) point                4
-=================  =========================  ==========================  ==
+=========================  =========================  ==========================  ==
+problem                    x                          y                           k
+=========================  =========================  ==========================  ==
+``line``                   (n, 1) abscissa            (n, 1) ordinate             2
+``plane``                  (n, 3) point               (n, 0) nothing              3
+``translation``            (n, 2) pixel               (n, 2) pixel                1
+``similarity``             (n, 2) pixel               (n, 2) pixel                2
+``affine``                 (n, 2) pixel               (n, 2) pixel                3
+``homography``             (n, 2) pixel               (n, 2) pixel                4
+``fundamental``            (n, 2) pixel               (n, 2) pixel                7
+``essential``              (n, 2) pixel               (n, 2) pixel                5
+``absolute_pose``          (n, 3) world point         (n, 2) pixel                3
+``absolute_position``      (n, 3) world point         (n, 2) pixel                2
+``rotation``               (n, 2) pixel               (n, 2) pixel                2
+``translation_direction``  (n, 2) pixel               (n, 2) pixel                2
+``translation3d``          (n, 3) point               (n, 3) point                1
+``rigid3d``                (n, 3) point               (n, 3) point                3
+``similarity3d``           (n, 3) point               (n, 3) point                3
+``affine3d``               (n, 3) point               (n, 3) point                4
+=========================  =========================  ==========================  ==
 
-Cameras have a focal length of 1000 pixels and their centre at (512, 512). Any floor on the number
-of trials must be 0 and any multiplier 1. The same seed must give the same samples, whatever the
-other arguments.
+Cameras have a focal length of 1000 pixels and their centre at (512, 512). They only rotate in
+``rotation``; their rotation is known, the identity, in ``absolute_position`` and
+``translation_direction``. Any floor on the number of trials must be 0 and any multiplier 1. The
+same seed must give the same samples, whatever the other arguments.
 """
 
 from collections.abc import Callable

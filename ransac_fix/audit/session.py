@@ -38,6 +38,8 @@ _CHECK_STREAMS = 12
 # Entry points waiting, from which on a second worker for a system is worth its start.
 _WORTH_HELPING = 3
 _CHECK_SECONDS = 1.0
+# Importing a library, or compiling a driver for it, once, on a busy machine.
+_DESCRIBE_SECONDS = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +260,7 @@ class _Crew:
         """Measure with one worker; whether it died and another is needed."""
         options = self._options
         prepared = job.system in options.preparable
+        host.allow(max(_DESCRIBE_SECONDS, options.seconds))
         described = host.ask("describe", prepare=options.prepare if prepared else None)
         if not described["installed"]:
             job.installed = False
@@ -351,6 +354,8 @@ def _check_defaults(
         seconds=_CHECK_SECONDS,
         seed=SEED + 5000,
     )
+    if not answer["same"] + answer["different"]:
+        return None, answer["runs"]
     return answer["different"] == 0, answer["runs"]
 
 

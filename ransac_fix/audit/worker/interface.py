@@ -153,6 +153,9 @@ class Probe:
         ``entry_points(module)`` returns the entry points, the one users call most first.
     one_cpu : bool
         Keep the process on one CPU, for libraries whose threads race and cannot be told not to.
+    find : callable or None
+        For what is not a Python module: returns the library in place of ``module``, with its
+        release as ``__version__``, or None where it is not installed.
     """
 
     system: str
@@ -160,3 +163,4 @@ class Probe:
     distributions: tuple[str, ...]
     entry_points: Callable[[Any], list[EntryPoint | Unmeasured]]
     one_cpu: bool = False
+    find: Callable[[], Any] | None = None

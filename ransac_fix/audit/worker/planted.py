@@ -170,34 +170,70 @@ def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(FOCAL * points[:, :2] / points[:, 2:] + CENTRE)
 
 
+def bearings(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the directions, of length 1 and shape (n, 3), of pixels in such a camera."""
+    rays = np.column_stack([(pixels - CENTRE) / FOCAL, np.ones(len(pixels))])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
 def _seen(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Return n points in front of a camera at the origin."""
     return rng.uniform([-2, -2, 4], [2, 2, 8], (n, 3))
 
 
-def _essential(
-    labels: NDArray[np.int64], rng: np.random.Generator
+def _two_views(
+    labels: NDArray[np.int64], rng: np.random.Generator, angle: float, distance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     points = _seen(len(labels), rng)
     moved = points + rng.uniform(-0.5, 0.5, points.shape)
     for label in range(labels.max() + 1):
         members = labels == label
         shift = rng.normal(size=3)
-        shift *= 0.5 / np.linalg.norm(shift)
-        moved[members] = points[members] @ _small_rotation(rng, 0.1).T + shift
+        shift *= distance / np.linalg.norm(shift)
+        moved[members] = points[members] @ _small_rotation(rng, angle).T + shift
     return project(points), project(moved)
 
 
-def _absolute_pose(
+def _essential(
     labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _two_views(labels, rng, angle=0.1, distance=0.5)
+
+
+def _rotation(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _two_views(labels, rng, angle=0.1, distance=0.0)
+
+
+def _translation_direction(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _two_views(labels, rng, angle=0.0, distance=0.5)
+
+
+def _one_view(
+    labels: NDArray[np.int64], rng: np.random.Generator, angle: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     points = _seen(len(labels), rng)
     moved = points + rng.uniform(-0.3, 0.3, points.shape)
     for label in range(labels.max() + 1):
         members = labels == label
-        rotation = _small_rotation(rng, 0.05)
+        rotation = _small_rotation(rng, angle)
         moved[members] = points[members] @ rotation.T + rng.uniform(-0.2, 0.2, 3)
     return points, project(moved)
+
+
+def _absolute_pose(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _one_view(labels, rng, angle=0.05)
+
+
+def _absolute_position(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _one_view(labels, rng, angle=0.0)
 
 
 def _solid(
@@ -282,6 +318,11 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "essential": (_essential, 1e-3),
     # world to image; x (n, 3), y (n, 2), with such a camera
     "absolute_pose": (_absolute_pose, 0.02),
+    # the same by cameras whose rotation is known: the identity
+    "absolute_position": (_absolute_position, 0.02),
+    # image to image between cameras that only rotate, or whose rotation is the identity
+    "rotation": (_rotation, 0.02),
+    "translation_direction": (_translation_direction, 1e-3),
     # space to space; x (n, 3), y (n, 3)
     "translation3d": (_translation3d, 0.01),
     "rigid3d": (_rigid3d, 0.01),

@@ -47,12 +47,9 @@ class Worker:
         if self.probe.one_cpu and hasattr(os, "sched_setaffinity"):
             allowed = sorted(os.sched_getaffinity(0))
             os.sched_setaffinity(0, {allowed[os.getpid() % len(allowed)]})
-        try:
-            library = importlib.import_module(self.probe.module)
-        except ModuleNotFoundError as missing:
-            if missing.name and self.probe.module.split(".")[0] == missing.name.split(".")[0]:
-                return {"system": self.probe.system, "installed": False}
-            raise
+        library = self._library()
+        if library is None:
+            return {"system": self.probe.system, "installed": False}
         listed = self.probe.entry_points(library)
         why = unmeasurable() if unmeasurable is not None else None
         if why is not None:
@@ -65,8 +62,19 @@ class Worker:
             "entry_points": [described(one) for one in listed],
         }
 
+    def _library(self) -> Any:
+        """Import the library, or find it by the probe's own means; None if not installed."""
+        if self.probe.find is not None:
+            return self.probe.find()
+        try:
+            return importlib.import_module(self.probe.module)
+        except ModuleNotFoundError as missing:
+            if missing.name and self.probe.module.split(".")[0] == missing.name.split(".")[0]:
+                return None
+            raise
+
     def _version(self, library: object) -> str | None:
-        if not self.probe.distributions:
+        if self.probe.find is None and not self.probe.distributions:
             return None
         for distribution in self.probe.distributions:
             try:

@@ -1,0 +1,58 @@
+"""The verdicts on OpenGV's C++ templates, compiled and measured here."""
+
+import math
+import sys
+
+import pytest
+from native_libraries import described
+
+from ransac_fix.audit.judge import judge
+from ransac_fix.audit.laws import law_probability
+from ransac_fix.audit.measure import measure
+from ransac_fix.audit.session import Options, audit
+
+
+@pytest.fixture(scope="module")
+def opengv():
+    yield from described("opengv", "libopengv-dev libeigen3-dev g++")
+
+
+@pytest.mark.parametrize(
+    ("problem", "k"),
+    [
+        # P3P has four solutions, and one more measurement to choose among them.
+        ("Ransac<AbsolutePoseSacProblem>(KNEIP)", 4),
+        ("Ransac<AbsolutePoseSacProblem>(GAO)", 4),
+        ("Ransac<AbsolutePoseSacProblem>(EPNP)", 6),
+        ("Ransac<AbsolutePoseSacProblem>(TWOPT)", 2),
+        ("Ransac<CentralRelativePoseSacProblem>(NISTER)", 8),
+        ("Ransac<CentralRelativePoseSacProblem>(SEVENPT)", 9),
+        ("Ransac<CentralRelativePoseSacProblem>(EIGHTPT)", 9),
+        ("Ransac<RotationOnlySacProblem>", 2),
+        ("Ransac<TranslationOnlySacProblem>", 2),
+        ("Ransac<PointCloudSacProblem>", 3),
+    ],
+)
+def test_it_stops_as_if_samples_with_their_verifying_points_were_drawn_with_replacement(
+    opengv, problem, k
+):
+    host, entry_points, _ = opengv
+    verdict, _ = judge(found := measure(host, entry_points[problem]))
+    assert verdict == "undersamples"
+    law = found.fit.law
+    assert (law.assumed, law.sample_size, law.inlier_offset) == ("approximate", k, 0)
+    assert (law.multiplier, law.phi) == (1.0, (1.0, 1.0))
+    assert (found.sampler.drawn, found.sampler.sample_size) == ("distinct", k)
+    # Counted trials are checked by a flip point.
+    assert {point.kind for point in found.points} == {"count", "flip"}
+    for point in found.points:
+        scale = -math.log1p(-law_probability(law, point.n_inliers, point.n))
+        assert point.u / scale == pytest.approx(point.trials - 1, abs=0.1)
+
+
+def test_a_default_budget_of_1000_runs_1001_trials(opengv):
+    report = audit(Options(("opengv",), sys.executable, quick=True))
+    (verdict,) = report.verdicts
+    assert verdict.at_defaults.checked is True
+    assert verdict.at_defaults.max_trials == 1001
+    assert verdict.version == opengv[2]
