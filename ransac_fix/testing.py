@@ -10,6 +10,9 @@ problem                    x                          y                         
 =========================  =========================  ==========================  ==
 ``line``                   (n, 1) abscissa            (n, 1) ordinate             2
 ``plane``                  (n, 3) point               (n, 0) nothing              3
+``circle``                 (n, 2) point               (n, 0) nothing              3
+``line3d``                 (n, 3) point               (n, 0) nothing              2
+``sphere``                 (n, 3) point               (n, 0) nothing              4
 ``translation``            (n, 2) pixel               (n, 2) pixel                1
 ``similarity``             (n, 2) pixel               (n, 2) pixel                2
 ``affine``                 (n, 2) pixel               (n, 2) pixel                3

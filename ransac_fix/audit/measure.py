@@ -29,6 +29,9 @@ _MANY_RUNS = 3
 _LARGE = (45, 22)
 _LARGE_RUNS = 1000
 _LARGE_STEP = 100
+# A rule that sees inliers only ends a run at once, whatever -ln(1-s).
+_BUDGET = 60
+_CONFIDENCES = [0.1, 1.0, 5.0, 20.0]
 
 
 class Asked(Protocol):
@@ -187,6 +190,8 @@ def _defects(
 ) -> tuple[tuple[Defect, ...], int]:
     """Look for what a law through the points does not show, or why there are no points."""
     k, looks = one["sample_size"], _Looks(host, one["name"], seed + 20_000)
+    if one["counted"] and not points and looks.uses_all(max(one["fewest_samples"], k + 4)):
+        return ("no rule",), looks.runs
     ended_early = 2 * discarded.get(streams.NOT_FOUND, 0) > sum(discarded.values(), len(points))
     if len(points) >= _FEWEST_POINTS and not ended_early:
         # Any rule but a broken one finds this group among many measurements.
@@ -226,6 +231,19 @@ class _Looks:
         answer = self._host.ask("hits", entry_point=self._name, cases=cases, seed=seed)
         self.runs += answer["runs"]
         return sum(hit[-1] for hit in answer["hits"])
+
+    def uses_all(self, n: int) -> bool:
+        """Whether runs use their budget at every confidence, though all n are inliers."""
+        answer = self._host.ask(
+            "trials",
+            entry_point=self._name,
+            n_samples=n,
+            budget=_BUDGET,
+            u=_CONFIDENCES,
+            seed=self._seed,
+        )
+        self.runs += answer["runs"]
+        return all(trials == _BUDGET for trials in answer["trials"])
 
     def larger(self, n: int, size: int, trials: int, runs: int) -> int:
         """Return how many runs found the larger of two groups at the highest confidence."""

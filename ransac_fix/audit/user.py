@@ -13,6 +13,9 @@ from ransac_fix.errors import RansacFixError
 SAMPLE_SIZES = {
     "line": 2,
     "plane": 3,
+    "circle": 3,
+    "line3d": 2,
+    "sphere": 4,
     "translation": 1,
     "similarity": 2,
     "affine": 3,

@@ -64,18 +64,16 @@ class Header:
 
     path: str
     package: str
-    folders: tuple[str, ...] = (".",)
+    folders: tuple[str, ...] = ()
 
     def find(self) -> Path | None:
         """Return the include directory that has the header, or None."""
         for root in _include_directories():
-            for pattern in self.folders:
-                # The newest, where several releases lie side by side.
-                for folder in (
-                    sorted(root.glob(pattern), reverse=True) if pattern != "." else [root]
-                ):
-                    if (folder / self.path).is_file():
-                        return folder
+            # Of several releases side by side the newest.
+            below = [f for pattern in self.folders for f in sorted(root.glob(pattern))[::-1]]
+            for folder in (root, *below):
+                if (folder / self.path).is_file():
+                    return folder
         return None
 
 

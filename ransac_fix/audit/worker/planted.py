@@ -294,6 +294,47 @@ def _plane(
     return points, np.empty((len(labels), 0))
 
 
+def _line3d(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = np.round(rng.uniform(-500, 500, (len(labels), 3)))
+    for label in range(labels.max() + 1):
+        members = labels == label
+        along = points[members, :1]
+        slope, offset = _grid(rng.uniform([[-1, -1], [-300, -300]], [[1, 1], [300, 300]]), 8)
+        points[members, 1:] = slope * along + offset
+    return points, np.empty((len(labels), 0))
+
+
+def _round(
+    directions: NDArray[np.float64], labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put points in these directions, those of a group on one circle or sphere."""
+    n, dimensions = directions.shape
+    points = directions * rng.uniform(100, 700, (n, 1))
+    for label in range(labels.max() + 1):
+        members = labels == label
+        centre = rng.uniform(-30, 30, dimensions)
+        points[members] = directions[members] * rng.uniform(370, 430) + centre
+    return points, np.empty((n, 0))
+
+
+def _circle(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    n = len(labels)
+    angle = 2 * np.pi * (np.arange(n) + 0.4 * rng.random(n) + rng.random()) / n
+    return _round(np.column_stack([np.cos(angle), np.sin(angle)]), labels, rng)
+
+
+def _sphere(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    directions = rng.normal(size=(len(labels), 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return _round(directions, labels, rng)
+
+
 Maker = Callable[
     ["NDArray[np.int64]", np.random.Generator], "tuple[NDArray[np.float64], NDArray[np.float64]]"
 ]
@@ -304,6 +345,11 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "line": (_line, 1e-6),
     # a x = d; x (n, 3), y (n, 0)
     "plane": (_plane, 1e-3),
+    # |x - c| = r; x (n, 2), y (n, 0)
+    "circle": (_circle, 0.01),
+    # and in space; x (n, 3), y (n, 0)
+    "line3d": (_line3d, 1e-3),
+    "sphere": (_sphere, 0.01),
     # image to image; x (n, 2), y (n, 2)
     "translation": (_translation, 0.01),
     "similarity": (_similarity, 0.01),

@@ -379,6 +379,29 @@ def larger(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     return {"found": found, "runs": request["streams"]}
 
 
+def trials(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+    """Count the trials of runs on one group and nothing else, which any rule ends at once.
+
+    Parameters
+    ----------
+    entry_point : EntryPoint
+        A function whose trials are counted.
+    request : dict
+        ``n_samples``, ``budget``, ``u`` (a list: one run each) and ``seed``.
+
+    Returns
+    -------
+    dict
+        ``trials``, one a run, and ``runs``.
+    """
+    n = request["n_samples"]
+    stream = Stream(
+        entry_point, plant(entry_point.problem, n, n, 1, 0, request["seed"]), request["seed"]
+    )
+    counts = [stream.run(request["budget"], confidence_of(u)).trials for u in request["u"]]
+    return {"trials": counts, "runs": stream.runs}
+
+
 def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     """Compare runs with nothing set with runs of a stated number of trials.
 
@@ -431,5 +454,6 @@ REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
     "points": points,
     "hits": hits,
     "larger": larger,
+    "trials": trials,
     "defaults": defaults,
 }
