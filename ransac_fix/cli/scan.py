@@ -1,5 +1,6 @@
 """``ransac-fix scan``: find stopping rules in source code."""
 
+import sys
 from typing import TYPE_CHECKING
 
 import click
@@ -7,7 +8,8 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ransac_fix.scan import ScanResult
+    from ransac_fix.scan import FixStyle, ScanError, ScanResult
+    from ransac_fix.scan.fixing import FixedFile
 
 _FORMATS = ("full", "concise", "json", "json-lines", "github", "sarif")
 _EXIT_FINDINGS = 1
@@ -55,6 +57,18 @@ _EXIT_ERROR = 2
 @click.option("--fix", is_flag=True, help="Write the safe fixes into the files.")
 @click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
 @click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
+@click.option(
+    "--fix-style",
+    type=click.Choice(("self-contained", "import")),
+    default="self-contained",
+    show_default=True,
+    help="Whether a fix adds a function to the file, or imports ransac_fix.",
+)
+@click.option(
+    "--stdin-filename",
+    metavar="NAME",
+    help="The file that standard input stands for, where PATH is `-`.",
+)
 @click.option("--no-cache", is_flag=True, help="Remember nothing of what held nothing.")
 @click.option("--exit-zero", is_flag=True, help="Exit with 0 when something is found.")
 @click.pass_context
@@ -73,13 +87,16 @@ def command(
     fix: bool,
     diff: bool,
     unsafe_fixes: bool,
+    fix_style: "FixStyle",
+    stdin_filename: str | None,
     no_cache: bool,
     exit_zero: bool,
 ) -> None:
     """Find stopping rules with the approximate probability in source code.
 
-    PATH is a Python file, a notebook, or a folder. A file is always scanned; below a folder,
-    .gitignore files and the usual excludes hold. Nothing that is scanned is imported or run.
+    PATH is a file in Python, C, C++ or CUDA, a notebook, or a folder. A file is always scanned;
+    below a folder, .gitignore files and the usual excludes hold. Nothing that is scanned is
+    imported or run. `-` is standard input; --fix writes it to standard output, fixed.
 
     A safe fix changes the number of trials and nothing else; --unsafe-fixes takes those too that
     change what is drawn, or that rest on names alone for what is a count.
@@ -90,24 +107,36 @@ def command(
     from dataclasses import replace
     from pathlib import Path
 
-    from ransac_fix.scan import scan_paths
+    from ransac_fix.scan import scan_paths, scan_text
     from ransac_fix.scan.cache import default_cache
     from ransac_fix.scan.configuration import Configuration, find_configuration
     from ransac_fix.scan.files import DEFAULT_EXCLUDES
 
     files = [_format_and_file(one) for one in output]
     settings = Configuration() if isolated else find_configuration(paths)
-    result = scan_paths(
-        paths,
-        jobs=jobs,
-        cache=None if no_cache else default_cache(),
-        select=_codes(select) or settings.select,
-        ignore=_codes(ignore) or settings.ignore,
-        excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),
-        respect_gitignore=(
-            settings.respect_gitignore if respect_gitignore is None else respect_gitignore
-        ),
-    )
+    selected, ignored = _codes(select) or settings.select, _codes(ignore) or settings.ignore
+    contents: dict[str, bytes] = {}
+    if "-" in paths:
+        if paths != ("-",):
+            raise click.UsageError("`-`, standard input, cannot be scanned beside files")
+        name = stdin_filename or "<stdin>"
+        contents[name] = sys.stdin.buffer.read()
+        result = scan_text(
+            contents[name], name, select=selected, ignore=ignored, fix_style=fix_style
+        )
+    else:
+        result = scan_paths(
+            paths,
+            jobs=jobs,
+            cache=None if no_cache else default_cache(),
+            excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),
+            respect_gitignore=(
+                settings.respect_gitignore if respect_gitignore is None else respect_gitignore
+            ),
+            select=selected,
+            ignore=ignored,
+            fix_style=fix_style,
+        )
     if baseline is not None:
         from ransac_fix.scan.baseline import compare
 
@@ -117,31 +146,59 @@ def command(
     if fix or diff:
         from ransac_fix.scan.fixing import fix_findings
 
-        fixed, errors = fix_findings(result.findings, unsafe=unsafe_fixes)
+        fixed, errors = fix_findings(result.findings, unsafe=unsafe_fixes, contents=contents)
         if diff:
             click.echo("".join(one.diff() for one in fixed), nl=False)
+            _report_errors(errors)
             ctx.exit(_EXIT_FINDINGS if fixed and not exit_zero else 0)
-        done = {id(finding) for one in fixed for finding in one.fixed}
-        for one in fixed:
-            one.write()
-        click.echo(
-            f"Fixed {len(done)} finding{'' if len(done) == 1 else 's'}"
-            f" in {len(fixed)} file{'' if len(fixed) == 1 else 's'}.",
-            err=True,
-        )
+        done, unwritten = _write(fixed, contents)
         result = replace(
             result,
             findings=tuple(one for one in result.findings if id(one) not in done),
-            errors=(*result.errors, *errors),
+            errors=(*result.errors, *errors, *unwritten),
         )
     writers = _writers()
     for name, file in files:
         Path(file).write_text(writers[name](result), encoding="utf-8")
-    click.echo(writers[output_format](result), nl=False)
+    # Standard output holds the fixed source where there is one.
+    click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
     if any(error.named for error in result.errors):
         ctx.exit(_EXIT_ERROR)
     if result.findings and not exit_zero:
         ctx.exit(_EXIT_FINDINGS)
+
+
+def _write(
+    fixed: "list[FixedFile]", contents: dict[str, bytes]
+) -> "tuple[set[int], list[ScanError]]":
+    """Write the fixed files; give which findings are gone, and what could not be written."""
+    from ransac_fix.scan import ScanError
+
+    done: set[int] = set()
+    errors: list[ScanError] = []
+    files = 0
+    for one in fixed:
+        if one.path not in contents:
+            try:
+                one.write()
+            except OSError as error:
+                message = f"cannot be written: {error.strerror or error}"
+                errors.append(ScanError(one.path, message, named=True))
+                continue
+        files += 1
+        done |= {id(finding) for finding in one.fixed}
+    for name, data in contents.items():
+        own = next((one for one in fixed if one.path == name), None)
+        sys.stdout.buffer.write(data if own is None else own.encoded())
+        sys.stdout.buffer.flush()
+    findings = f"{len(done)} finding{'' if len(done) == 1 else 's'}"
+    click.echo(f"Fixed {findings} in {files} file{'' if files == 1 else 's'}.", err=True)
+    return done, errors
+
+
+def _report_errors(errors: "list[ScanError]") -> None:
+    for error in errors:
+        click.echo(f"{error.path}: {error.code} {error.message}", err=True)
 
 
 def _codes(values: tuple[str, ...]) -> tuple[str, ...]:

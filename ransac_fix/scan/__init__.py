@@ -12,11 +12,12 @@ from functools import lru_cache
 from pathlib import Path
 
 from ransac_fix.errors import RansacFixError
-from ransac_fix.scan.files import DEFAULT_EXCLUDES, SourceFile, find_files
+from ransac_fix.scan.files import DEFAULT_EXCLUDES, LANGUAGES, SourceFile, find_files
 from ransac_fix.scan.findings import (
     Cell,
     Certainty,
     Finding,
+    FixStyle,
     Location,
     Related,
     ScanError,
@@ -27,11 +28,13 @@ __all__ = [
     "Cell",
     "Certainty",
     "Finding",
+    "FixStyle",
     "Location",
     "Related",
     "ScanError",
     "ScanResult",
     "scan_paths",
+    "scan_text",
 ]
 
 # Starting worker processes pays from this many files on.
@@ -49,6 +52,7 @@ def scan_paths(
     ignore: Sequence[str] = (),
     gate: bool = True,
     cache: Path | None = None,
+    fix_style: FixStyle = "self-contained",
 ) -> ScanResult:
     """Scan files and folders.
 
@@ -70,6 +74,8 @@ def scan_paths(
         without, and take far longer.
     cache : Path, optional
         A file that remembers, by content, what was found to hold nothing.
+    fix_style : {"self-contained", "import"}
+        Whether fixes add a function to the file, or import this package's.
 
     Returns
     -------
@@ -94,7 +100,7 @@ def scan_paths(
     )
     findings: list[Finding] = []
     new: set[bytes] = set()
-    for batch in _scan_all(files, jobs, _Options(codes, gate, cache)):
+    for batch in _scan_all(files, jobs, _Options(codes, gate, cache, fix_style)):
         findings += batch.findings
         errors += batch.errors
         new |= batch.empty
@@ -111,11 +117,48 @@ def scan_paths(
     return ScanResult(kept, tuple(errors), len(files), suppressed)
 
 
+def scan_text(
+    data: bytes,
+    path: str,
+    *,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    fix_style: FixStyle = "self-contained",
+) -> ScanResult:
+    """Scan what is not in a file, such as standard input.
+
+    Parameters
+    ----------
+    data : bytes
+        The text, as a file of its language would hold it.
+    path : str
+        The name of the file that it stands for, which says its language; it is not opened. Python
+        where the name says none.
+    select, ignore, fix_style
+        As for :func:`scan_paths`.
+
+    Raises
+    ------
+    RansacFixError
+        There is no such rule.
+    """
+    from ransac_fix.scan.rules import find_rule
+    from ransac_fix.scan.scanner import scan_data
+
+    rules = [find_rule(code) for code in _chosen(select, ignore)]
+    language = LANGUAGES.get(Path(path).suffix.lower(), "python")
+    outcome = scan_data(data, SourceFile(path, language, named=True), rules, style=fix_style)
+    kept = tuple(one for one in outcome.findings if one.suppression is None)
+    suppressed = tuple(one for one in outcome.findings if one.suppression is not None)
+    return ScanResult(kept, outcome.errors, 1, suppressed)
+
+
 @dataclass(frozen=True, slots=True)
 class _Options:
     codes: tuple[str, ...]
     gate: bool
     cache: Path | None
+    fix_style: FixStyle
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +220,7 @@ def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
     known = None if options.cache is None else _known(options.cache)
     batch = _Batch([], [], set())
     for file in files:
-        outcome = scan_file(file, rules, gate=options.gate, known=known)
+        outcome = scan_file(file, rules, gate=options.gate, known=known, style=options.fix_style)
         batch.findings.extend(outcome.findings)
         batch.errors.extend(outcome.errors)
         if outcome.digest is not None:

@@ -14,7 +14,7 @@ from ransac_fix.scan import form
 from ransac_fix.scan.form import Expr, Span, Stmt
 from ransac_fix.scan.suppressions import Comment
 
-_LANGUAGE = tree_sitter.Language(tree_sitter_cpp.language())
+LANGUAGE = tree_sitter.Language(tree_sitter_cpp.language())
 _BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div", "%": "mod", "&&": "and", "||": "or"}
 _COMPARE = frozenset(("<", "<=", ">", ">=", "==", "!="))
 _NUMBER = re.compile(r"(0[xX][0-9a-fA-F]+|[0-9.]+(?:[eE][-+]?[0-9]+)?)")
@@ -80,7 +80,7 @@ def comments(source: str) -> Iterator[Comment]:
 class _Reader:
     def __init__(self, source: str) -> None:
         self._bytes = source.encode("utf-8", "surrogatepass")
-        self.root = tree_sitter.Parser(_LANGUAGE).parse(self._bytes).root_node
+        self.root = tree_sitter.Parser(LANGUAGE).parse(self._bytes).root_node
         self._lines: list[bytes] | None = None
         if not source.isascii():
             self._lines = self._bytes.split(b"\n")

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 Certainty: TypeAlias = Literal["high", "medium", "low"]
+FixStyle: TypeAlias = Literal["self-contained", "import"]
+"""Whether a fix adds a function to the file, or imports this package's."""
 
 
 @dataclass(frozen=True, slots=True)

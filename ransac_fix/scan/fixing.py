@@ -4,12 +4,13 @@ import difflib
 import os
 import stat
 import tempfile
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ransac_fix.scan.files import LANGUAGES, SourceFile
-from ransac_fix.scan.findings import Finding, ScanError
+from ransac_fix.scan.findings import Edit, Finding, ScanError
 from ransac_fix.scan.fixes import apply_edits
 from ransac_fix.scan.scanner import encoding_of, scan_source
 
@@ -37,6 +38,10 @@ class FixedFile:
             for line in lines
         )
 
+    def encoded(self) -> bytes:
+        """Return the fixed file in the encoding of the original."""
+        return self.after.encode(self.encoding)
+
     def write(self) -> None:
         """Replace the file, all at once, keeping its mode.
 
@@ -50,7 +55,7 @@ class FixedFile:
         descriptor, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
         try:
             with os.fdopen(descriptor, "wb") as stream:
-                stream.write(self.after.encode(self.encoding))
+                stream.write(self.encoded())
             Path(temporary).chmod(stat.S_IMODE(Path(target).stat().st_mode))
             Path(temporary).replace(target)
         except BaseException:
@@ -59,7 +64,10 @@ class FixedFile:
 
 
 def fix_findings(
-    findings: Sequence[Finding], *, unsafe: bool
+    findings: Sequence[Finding],
+    *,
+    unsafe: bool,
+    contents: Mapping[str, bytes] | None = None,
 ) -> tuple[list[FixedFile], list[ScanError]]:
     """Work out what the fixes of findings make of their files.
 
@@ -68,6 +76,8 @@ def fix_findings(
     findings : sequence of Finding
     unsafe : bool
         Whether fixes that are not safe are made too.
+    contents : mapping of str to bytes, optional
+        What stands in files that are not to be read, such as standard input.
 
     Returns
     -------
@@ -82,25 +92,50 @@ def fix_findings(
     fixed: list[FixedFile] = []
     errors: list[ScanError] = []
     for path, wanted in by_path.items():
-        data = Path(path).read_bytes()
-        encoding = encoding_of(data)
-        before = data.decode(encoding)
-        after = apply_edits(before, [edit for one in wanted if one.fix for edit in one.fix.edits])
-        if _is_right(
-            path, after, [one.code for one in findings if one.location.path == path], wanted
-        ):
-            fixed.append(FixedFile(path, before, after, tuple(wanted), encoding))
+        data = (contents or {}).get(path)
+        language = LANGUAGES.get(Path(path).suffix.lower(), "python")
+        try:
+            data = Path(path).read_bytes() if data is None else data
+            encoding = encoding_of(data, language)
+            before = data.decode(encoding)
+        except (OSError, UnicodeDecodeError, SyntaxError) as error:
+            errors.append(ScanError(path, f"left alone: it changed meanwhile: {error}", named=True))
+            continue
+        made, edits = _together(wanted)
+        after = apply_edits(before, edits)
+        file = SourceFile(path, language, named=True)
+        if _is_right(before, after, file, made):
+            fixed.append(FixedFile(path, before, after, tuple(made), encoding))
         else:
             errors.append(ScanError(path, "left alone: the fixed file would not be right"))
     return fixed, errors
 
 
-def _is_right(path: str, after: str, codes: Sequence[str], wanted: Sequence[Finding]) -> bool:
-    """Whether the result can be read, and holds what the original held but for what was fixed."""
-    language = LANGUAGES.get(Path(path).suffix.lower(), "python")
-    findings, errors = scan_source(after, SourceFile(path, language, named=True))
-    left = sorted(one.code for one in findings if one.suppression is None)
-    expected = list(codes)
-    for one in wanted:
-        expected.remove(one.code)
-    return not errors and [code for code in left if code in codes] == sorted(expected)
+def _together(wanted: Sequence[Finding]) -> tuple[list[Finding], list[Edit]]:
+    """Choose the fixes that can be made at once: each whole or not at all, none over another."""
+    made: list[Finding] = []
+    edits: dict[Edit, None] = {}
+    for finding in wanted:
+        new = [] if finding.fix is None else [one for one in finding.fix.edits if one not in edits]
+        if not any(_overlap(one, other) for one in new for other in edits):
+            made.append(finding)
+            edits.update(dict.fromkeys(new))
+    return made, list(edits)
+
+
+def _overlap(one: Edit, other: Edit) -> bool:
+    a, b = one.location, other.location
+    starts = max((a.start_line, a.start_column), (b.start_line, b.start_column))
+    ends = min((a.end_line, a.end_column), (b.end_line, b.end_column))
+    return starts < ends
+
+
+def _is_right(before: str, after: str, file: SourceFile, made: Sequence[Finding]) -> bool:
+    """Whether the result can be read, and holds nothing but what was not fixed of the original."""
+    old, _ = scan_source(before, file)
+    new, errors = scan_source(after, file)
+    expected = Counter(one.code for one in old if one.suppression is None)
+    expected.subtract(one.code for one in made)
+    left = Counter(one.code for one in new if one.suppression is None)
+    # A wrong exponent, or a guard that was missing, may go with the power it was found in.
+    return not errors and all(count <= expected[code] for code, count in left.items())

@@ -11,10 +11,11 @@ from json import decoder, scanner
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.scan import python
+from ransac_fix.scan.findings import Edit, Location
 from ransac_fix.scan.repair import repair
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
 _OTHER_LANGUAGE = re.compile(
     r"^\s*%%(?:bash|sh|script|html|javascript|js|latex|markdown|svg|perl|ruby|cython|R|writefile"
@@ -47,11 +48,90 @@ class Notebook:
         For each line of ``source``, its cell, its line in the cell and its line in the file.
     unread : tuple of (int, str)
         Cells left out because they could not be read: their number and why.
+    text : str
+        The JSON text itself.
+    cells : mapping of int to CodeCell
+        The cells that were read, by number.
     """
 
     source: str
     lines: tuple[CellLine, ...]
     unread: tuple[tuple[int, str], ...]
+    text: str
+    cells: "Mapping[int, CodeCell]"
+
+    def edit(self, edit: Edit) -> Edit | None:
+        """Turn a change of the module into one of the JSON text; None where columns moved."""
+        place = edit.location
+        start = self.lines[place.start_line - 1]
+        end = self.lines[place.end_line - 1]
+        cell = self.cells[start.cell]
+        if start.cell != end.cell or cell.moved:
+            return None
+        first, separator = cell.offset(self.text, start.line, place.start_column - 1)
+        last, _ = cell.offset(self.text, end.line, place.end_column - 1)
+        content = json.dumps(edit.content, ensure_ascii=self.text.isascii())[1:-1]
+        if separator:  # one string a line
+            content = content.replace("\\n", f'\\n"{separator}"')
+        location = Location(place.path, *_place_of(self.text, first), *_place_of(self.text, last))
+        return Edit(location, content)
+
+
+@dataclass(frozen=True, slots=True)
+class CodeCell:
+    """A cell as it stands in the JSON text.
+
+    Attributes
+    ----------
+    pieces : tuple of (str, int)
+        Its strings, and where the text of each begins, behind the quotation mark.
+    listed : bool
+        Whether they are a list.
+    moved : bool
+        Whether it was repaired in a way that moves columns.
+    """
+
+    pieces: tuple[tuple[str, int], ...]
+    listed: bool
+    moved: bool
+
+    def offset(self, text: str, line: int, column: int) -> tuple[int, str]:
+        """Give the place of a line and column in the JSON text, and what separates lines there."""
+        code = "".join(piece for piece, _ in self.pieces)
+        starts = [0, *(found.end() for found in re.finditer(r"\r\n|\r|\n", code))]
+        rest = starts[line - 1] + column
+        for number, (piece, offset) in enumerate(self.pieces):
+            if rest < len(piece) or number == len(self.pieces) - 1:
+                separator = _separator(text, offset) if self.listed else ""
+                return _raw(text, offset, rest), separator
+            rest -= len(piece)
+        raise AssertionError("a cell with an edit has text")
+
+
+def _raw(text: str, offset: int, characters: int) -> int:
+    """Step over characters of a JSON string, as they are escaped."""
+    for _ in range(characters):
+        if text[offset] != "\\":
+            offset += 1
+        elif text[offset + 1] != "u":
+            offset += 2
+        else:
+            pair = text[offset + 2].lower() == "d" and text[offset + 3].lower() in "89ab"
+            offset += 12 if pair and text[offset + 6 : offset + 8] == "\\u" else 6
+    return offset
+
+
+def _separator(text: str, offset: int) -> str:
+    """Give what stands between two strings of the list that a string belongs to."""
+    lead = text[: offset - 1]
+    blank = lead[len(lead.rstrip()) :]
+    return f",{blank}"
+
+
+def _place_of(text: str, offset: int) -> tuple[int, int]:
+    before = text[:offset]
+    lines = [0, *(found.end() for found in re.finditer(r"\r\n|\r|\n", before))]
+    return len(lines), offset - lines[-1] + 1
 
 
 class _Place(str):
@@ -82,6 +162,7 @@ def read_notebook(text: str) -> Notebook:
     source: list[str] = []
     lines: list[CellLine] = []
     unread: list[tuple[int, str]] = []
+    cells: dict[int, CodeCell] = {}
     number = 0
     for cell in _cells(document):
         if not isinstance(cell, dict) or cell.get("cell_type") != "code":
@@ -95,11 +176,25 @@ def read_notebook(text: str) -> Notebook:
         if readable is None:
             unread.append((number, why))
             continue
+        moved = any(
+            new != old and new.expandtabs() == old.expandtabs()
+            for new, old in zip(
+                python.split_lines(readable), python.split_lines(code), strict=False
+            )
+        )
+        cells[number] = _code_cell(pieces, moved=moved)
         for index, line in enumerate(python.split_lines(readable)):
             source.append(line)
             place = places[min(index, len(places) - 1)] if places else 1
             lines.append(CellLine(number, index + 1, place))
-    return Notebook("\n".join(source), tuple(lines), tuple(unread))
+    return Notebook("\n".join(source), tuple(lines), tuple(unread), text, cells)
+
+
+def _code_cell(pieces: object, *, moved: bool) -> CodeCell:
+    listed = isinstance(pieces, list)
+    strings = pieces if isinstance(pieces, list) else [pieces]
+    placed = tuple((str(one), one.offset) for one in strings if isinstance(one, _Place))
+    return CodeCell(placed, listed, moved)
 
 
 def _readable(code: str) -> tuple[str | None, str]:

@@ -1,6 +1,6 @@
 """What a file says about each of its sites: roles, sampler, use, and how sure we are."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ransac_fix.scan import algebra, words
@@ -62,10 +62,11 @@ class ReadSite:
 
 
 class Text:
-    """The source of a file, by lines."""
+    """The source of a file, by lines; of a notebook with the cell of each line."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, cells: Sequence[int] = ()) -> None:
         self.source = source
+        self.cells = cells
         self.lines = split_lines(source)
         self.line_end = "\r\n" if "\r\n" in source else "\n"
 

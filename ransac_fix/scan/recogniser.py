@@ -204,6 +204,12 @@ def _called_with(kind: str, group: Sequence[Candidate]) -> tuple[Probability, ..
     return tuple(read.probability for read in islice(reads, _WAYS) if read is not None)
 
 
+def probability_of(candidate: Candidate) -> Probability | None:
+    """Say which probability one candidate assumes, seen the way it is."""
+    read = _READERS[candidate.kind](candidate)
+    return None if read is None else read.probability
+
+
 _READERS = {"quotient": _quotient, "test": _test, "inverse": _inverse}
 
 

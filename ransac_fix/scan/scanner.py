@@ -3,6 +3,7 @@
 Nothing that is scanned is ever imported or run.
 """
 
+import codecs
 import os
 import tokenize
 from collections.abc import Callable, Iterable, Sequence
@@ -11,7 +12,7 @@ from dataclasses import dataclass, replace
 from ransac_fix.scan import evaluate, python, triage, words
 from ransac_fix.scan.cache import digest_of
 from ransac_fix.scan.files import SourceFile
-from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
+from ransac_fix.scan.findings import Cell, Finding, FixStyle, Location, Related, ScanError
 from ransac_fix.scan.form import Module
 from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
@@ -60,6 +61,7 @@ def scan_file(
     *,
     gate: bool = True,
     known: frozenset[bytes] | None = None,
+    style: FixStyle = "self-contained",
 ) -> FileResult:
     """Scan one file.
 
@@ -70,15 +72,30 @@ def scan_file(
         The rules to check; all by default.
     gate : bool
         Whether files and definitions are set aside by their text alone.
+    style : {"self-contained", "import"}
+        Whether a fix adds a function to the file or imports this package's.
     known : frozenset of bytes, optional
         Digests of what is known to hold nothing; without it nothing is remembered.
     """
-    chosen = all_rules() if rules is None else rules
     try:
         with open(file.path, "rb") as stream:  # noqa: PTH123 -- ten thousand times a scan
             data = stream.read(_MAX_BYTES + 1)
     except OSError as error:
         return FileResult(errors=(_error(file, f"cannot be read: {error.strerror or error}"),))
+    return scan_data(data, file, rules, gate=gate, known=known, style=style)
+
+
+def scan_data(
+    data: bytes,
+    file: SourceFile,
+    rules: Sequence[Rule] | None = None,
+    *,
+    gate: bool = True,
+    known: frozenset[bytes] | None = None,
+    style: FixStyle = "self-contained",
+) -> FileResult:
+    """Scan what a file holds; the parameters are those of :func:`scan_file`."""
+    chosen = all_rules() if rules is None else rules
     if len(data) > _MAX_BYTES:
         message = f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"
         return FileResult(errors=(_error(file, message),))
@@ -93,21 +110,26 @@ def scan_file(
         source = decode(data, file.language)
     except (SyntaxError, UnicodeDecodeError, LookupError) as error:
         return FileResult(errors=(_error(file, f"cannot be decoded: {error}"),))
-    findings, errors = scan_source(source, file, chosen, gate=gate)
+    findings, errors = scan_source(source, file, chosen, gate=gate, style=style)
     return FileResult(findings, errors, None if findings or errors else digest)
 
 
 def scan_source(
-    source: str, file: SourceFile, rules: Sequence[Rule] | None = None, *, gate: bool = True
+    source: str,
+    file: SourceFile,
+    rules: Sequence[Rule] | None = None,
+    *,
+    gate: bool = True,
+    style: FixStyle = "self-contained",
 ) -> FileOutcome:
     """Scan text that is already in hand; ``file`` says what it is."""
     chosen = all_rules() if rules is None else rules
     try:
         if file.language == "notebook":
-            return _scan_notebook(source, file, chosen)
+            return _scan_notebook(source, file, chosen, style)
         if file.language == "c++":
             return _scan_cpp(source, file, chosen, gate=gate)
-        return _scan_python(source, file, chosen, gate=gate)
+        return _scan_python(source, file, chosen, gate=gate, style=style)
     except RecursionError:
         return (), (_error(file, "nested too deeply"),)
     except MemoryError:
@@ -127,29 +149,32 @@ def decode(data: bytes, language: str = "python") -> str:
     SyntaxError, UnicodeDecodeError, LookupError
         The bytes are not text in the encoding that the file declares.
     """
-    if language == "c++":
-        try:
-            return data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            return data.decode("latin-1")
-    return data.decode("utf-8-sig" if language == "notebook" else encoding_of(data))
+    return data.decode(encoding_of(data, language))
 
 
-def encoding_of(data: bytes) -> str:
-    """Give the encoding of Python source.
+def encoding_of(data: bytes, language: str = "python") -> str:
+    """Give the encoding of source, ``utf-8-sig`` where it opens with a byte order mark.
 
     Raises
     ------
     SyntaxError
         The source declares an encoding that does not exist.
     """
+    if language != "python":
+        encoding = "utf-8-sig" if data.startswith(codecs.BOM_UTF8) else "utf-8"
+        if language == "c++":
+            try:
+                data.decode(encoding)
+            except UnicodeDecodeError:
+                return "latin-1"
+        return encoding
     lines = iter(data.split(b"\n", 2)[:2])
     encoding, _ = tokenize.detect_encoding(lambda: next(lines, b""))
     return encoding
 
 
 def _scan_python(
-    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool
+    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool, style: FixStyle
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
@@ -192,6 +217,7 @@ def _scan_python(
         whole=whole,
         comments=comments,
         language="python 2" if repaired else "python",
+        fix_style=style,
     )
     if findings and not repaired:
         return _confirmed(source, file, findings)
@@ -207,6 +233,7 @@ def check(
     whole: Callable[[], Module] | None = None,
     comments: tuple[Comment, ...] = (),
     language: str = "python",
+    fix_style: FixStyle = "self-contained",
 ) -> list[Finding]:
     """Check one module in the small form.
 
@@ -222,7 +249,7 @@ def check(
         Gives the whole file, where ``module`` is a part of it.
     comments : tuple of Comment
         Its comments, where one could set a finding aside.
-    language : str
+    language, fix_style : str
         As in :class:`~ransac_fix.scan.rules.ScannedFile`.
 
     Returns
@@ -231,7 +258,7 @@ def check(
         In order of place; those set aside have a ``suppression``.
     """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole)
+    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole, fix_style)
     chosen = all_rules() if rules is None else rules
     found = [finding for rule in chosen for finding in rule.check(scanned)]
     kept, suppressed, unused = apply(found, suppressions(comments))
@@ -302,7 +329,9 @@ def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: boo
     return tuple(findings), ()
 
 
-def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule]) -> FileOutcome:
+def _scan_notebook(
+    source: str, file: SourceFile, rules: Sequence[Rule], style: FixStyle
+) -> FileOutcome:
     try:
         notebook = read_notebook(source)
     except NotANotebook as error:
@@ -312,8 +341,9 @@ def _scan_notebook(source: str, file: SourceFile, rules: Sequence[Rule]) -> File
     )
     module = python.parse(notebook.source)
     comments = tuple(python_comments(notebook.source))
+    text = Text(notebook.source, [line.cell for line in notebook.lines])
     findings = check(
-        module, Text(notebook.source), file.path, rules, comments=comments, language="notebook"
+        module, text, file.path, rules, comments=comments, language="notebook", fix_style=style
     )
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 
@@ -330,7 +360,17 @@ def _in_notebook(finding: Finding, notebook: Notebook) -> Finding:
         )
 
     related = tuple(Related(place(one.location), one.message) for one in finding.related)
-    return replace(finding, location=place(finding.location), related=related)
+    fix, no_fix = finding.fix, finding.no_fix
+    if fix is not None:
+        edits = tuple(notebook.edit(one) for one in fix.edits)
+        known = tuple(one for one in edits if one is not None)
+        if len(known) == len(edits):
+            fix = replace(fix, edits=known)
+        else:
+            fix, no_fix = None, "its cell is not indented as Python 3 has it"
+    return replace(
+        finding, location=place(finding.location), related=related, fix=fix, no_fix=no_fix
+    )
 
 
 def _error(file: SourceFile, message: str, line: int | None = None) -> ScanError:

@@ -1,6 +1,7 @@
 """Fixes: exact by execution, idempotent, and nothing else changed."""
 
 import ast
+import json
 import math
 from functools import cache
 from pathlib import Path
@@ -70,6 +71,31 @@ from math import log
 
 def trials(n_inliers, n_samples, k, s):
     return log(1 - s) / log(1 - n_inliers**k / n_samples**k)
+""",
+    "counts passed to a helper": """
+import math
+
+def _needed(s, w, k):  # for ransac
+    if w == 0:
+        return 0.0
+    return math.log(1 - s) / math.log(1 - w**k)
+
+def trials(n_inliers, n_samples, k, s):
+    ratio = n_inliers / n_samples
+    return _needed(s, ratio, k)
+""",
+    "counts passed to a method, by name": """
+import math
+
+class Ransac:
+    def _needed(self, outlier_ratio, k, s):
+        return math.log(1 - s) / math.log(1 - (1 - outlier_ratio) ** k)
+
+    def update(self, n_inliers, n_samples, k, s):
+        return self._needed(s=s, k=k, outlier_ratio=1 - n_inliers / n_samples)
+
+def trials(n_inliers, n_samples, k, s):
+    return Ransac().update(n_inliers, n_samples, k, s)
 """,
     "nested": """
 import math
@@ -193,7 +219,8 @@ def test_everything_else_stays(tmp_path, change):
     ast.parse(after.removeprefix("\ufeff"))
     ends = {line[len(line.rstrip("\r\n")) :] for line in after.splitlines(keepends=True)}
     assert ends - {""} == {"\r\n" if "\r\n" in text else "\n"}
-    kept = [line for line in text.splitlines() if "**" not in line]
+    # ... but for the power, and the ratio that nothing else uses.
+    kept = [line for line in text.splitlines() if "**" not in line and line.split()[:1] != ["w"]]
     assert [line for line in after.splitlines() if line in kept and line] == [
         line for line in kept if line
     ]
@@ -265,6 +292,178 @@ def test_says_why_there_is_no_fix(source, why):
     assert why in finding.no_fix
 
 
+def test_a_helper_that_others_may_call_takes_counts_only_when_asked():
+    source = """
+from math import log
+
+def trials(w, k, s):
+    return log(1 - s) / log(1 - w**k)
+
+def ransac(inliers, points):
+    return trials(len(inliers) / len(points), 3, 0.99)
+"""
+    assert fixed(source) == source
+    after = fixed(source, unsafe=True)
+    assert "def trials(n_inliers, n_samples, k, s):" in after
+    assert "return trials(len(inliers), len(points), 3, 0.99)" in after
+    assert fixed(after, unsafe=True) == after
+
+
+KEPT_HELPERS = {
+    "a default": "def trials(k, w=0.5):\n    return log(0.1) / log(1 - w**k)\ntrials(3)\n",
+    "a call with the ratio alone": (
+        "def trials(w, k):\n    return log(0.1) / log(1 - w**k)\n"
+        "def ransac(inliers, n):\n    return trials(len(inliers) / n, 3) + trials(0.5, 3)\n"
+    ),
+    "passed on": (
+        "def trials(w, k):\n    return log(0.1) / log(1 - w**k)\n"
+        "def ransac(inliers, n):\n    return run(trials), trials(len(inliers) / n, 3)\n"
+    ),
+    "unpacked": (
+        "def trials(w, k):\n    return log(0.1) / log(1 - w**k)\n"
+        "def ransac(both):\n    return trials(*both)\n"
+    ),
+    "compiled": (
+        "@numba.njit\ndef trials(inliers, n, k):\n    return log(0.1) / log(1 - (inliers / n)**k)\n"
+    ),
+    "made twice": (
+        "def trials(points, n, k):\n    w = count_inliers(points) / n\n"
+        "    return log(0.1) / log(1 - w**k)\n"
+    ),
+    "a percentage": "def trials(percent, k):\n    return log(0.1) / log(1 - (percent / 100)**k)\n",
+    "more entries meanwhile": (
+        "def trials(inliers, n, k):\n    w = len(inliers) / n\n    inliers.append(n)\n"
+        "    return log(0.1) / log(1 - w**k)\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("source", KEPT_HELPERS.values(), ids=KEPT_HELPERS.keys())
+def test_leaves_a_helper_alone_that_cannot_be_changed(source):
+    source = f"# ransac\nfrom math import log\n{source}"
+    findings, _ = scan_source(source, SourceFile("a.py", "python", named=True))
+    assert [(one.fix, bool(one.no_fix)) for one in findings] == [(None, True)]
+
+
+def test_the_import_style_uses_this_package():
+    source = SOURCE.replace("import math\n", "import math\nimport sys\n")
+    findings, _ = scan_source(source, SourceFile("ransac.py", "python", named=True), style="import")
+    (finding,) = findings
+    assert finding.fix is not None
+    after = apply_edits(source, finding.fix.edits)
+    assert "import math\nimport sys\nfrom ransac_fix import all_inlier_probability\n\n" in after
+    assert "def _all" not in after
+    trials = load(after).trials
+    p = all_inlier_probability(7, 20, 3)
+    assert trials(7, 20, 3, 0.99) == pytest.approx(math.log(0.01) / math.log1p(-p))
+    assert math.isfinite(trials(2, 20, 3, 0.99))
+    assert not scan_source(after, SourceFile("ransac.py", "python", named=True))[0]
+
+
+def _notebook(*cells: object) -> str:
+    document = {
+        "cells": [
+            {
+                "cell_type": "code",
+                "execution_count": None,
+                "metadata": {},
+                "outputs": [{"name": "stdout", "output_type": "stream", "text": ["w**k \u00e9"]}],
+                "source": cell,
+            }
+            for cell in cells
+        ],
+        "metadata": {"kernelspec": {"language": "python", "name": "python3"}},
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+CELL = """%matplotlib inline
+import math
+s = "caf\u00e9 \\"ransac\\" \U0001f600"; inliers, n = [1] * 5, 20
+N = math.log(0.01) / math.log(1 - (len(inliers) / n)**3)"""
+
+
+@pytest.mark.parametrize("listed", [True, False], ids=["a string a line", "one string"])
+@pytest.mark.parametrize("escaped", [True, False], ids=["escaped", "plain"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n"], ids=["lf", "crlf"])
+def test_a_notebook_is_fixed_in_its_cell_and_nowhere_else(tmp_path, listed, escaped, ends):
+    cell = CELL.splitlines(keepends=True) if listed else CELL
+    text = _notebook(["import os\n"], cell, ["N = math.log(0.01) / math.log(1 - 0.5**3)  # fixed"])
+    if escaped:
+        text = json.dumps(json.loads(text), indent=1) + "\n"
+    text = text.replace("\n", ends)
+    path = tmp_path / "ransac.ipynb"
+    path.write_bytes(text.encode())
+    result = CliRunner().invoke(cli, ["scan", "--fix", "--select", "RFX001", str(path)])
+    assert result.exit_code in (0, 1), result.output
+    after = path.read_bytes().decode()
+    old, new = json.loads(text), json.loads(after)
+    assert [one for n, one in enumerate(old["cells"]) if n != 1] == [
+        one for n, one in enumerate(new["cells"]) if n != 1
+    ]
+    source = new["cells"][1]["source"]
+    assert isinstance(source, list) == listed
+    if listed:
+        assert all(line.endswith("\n") and line.count("\n") == 1 for line in source[:-1])
+    code = "".join(source)
+    assert code.startswith("%matplotlib inline\nimport math\n")
+    assert "(len(inliers), n, 3))" in code
+    assert code.count("def _all_inlier_probability") == 1
+    # Only what was edited changed in the text itself.
+    assert after.count(ends) == after.count("\n") if ends == "\r\n" else "\r" not in after
+    removed = [line for line in text.split(ends) if line not in after.split(ends)]
+    assert len(removed) <= 1
+    again = CliRunner().invoke(cli, ["scan", "--fix", "--select", "RFX001", str(path)])
+    assert "Fixed 0 findings" in again.stderr
+
+
+def test_standard_input_is_written_fixed_to_standard_output():
+    result = CliRunner().invoke(
+        cli, ["scan", "--fix", "--stdin-filename", "ransac.py", "-"], input=SOURCE
+    )
+    assert result.exit_code == 0
+    assert result.stdout == fixed(SOURCE)
+    assert "Fixed 1 finding" in result.stderr
+    result = CliRunner().invoke(cli, ["scan", "--diff", "-"], input=SOURCE)
+    assert result.exit_code == 1
+    assert result.stdout.startswith("--- <stdin>\n+++ <stdin>\n")
+    result = CliRunner().invoke(cli, ["scan", "-"], input=SOURCE)
+    assert result.exit_code == 1
+    assert result.stdout.startswith("<stdin>:6:12: RFX001")
+    assert CliRunner().invoke(cli, ["scan", "-", "."], input=SOURCE).exit_code == 2
+
+
+def test_a_folder_that_cannot_be_written_to_is_an_error(tmp_path, monkeypatch):
+    path = tmp_path / "ransac.py"
+    path.write_text(SOURCE)
+
+    def refuse(*_args: object, **_keywords: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    result = CliRunner().invoke(cli, ["scan", "--fix", "--no-cache", str(path)])
+    assert result.exit_code == 2
+    assert "cannot be written: Permission denied" in result.output
+    assert path.read_text() == SOURCE
+
+
+def test_fixes_that_meet_are_made_one_after_the_other(tmp_path):
+    path = tmp_path / "ransac.py"
+    path.write_text(
+        "from math import log\n\n\ndef _trials(w, k):  # ransac\n"
+        "    return log(0.1) / log(1 - w**k), log(0.2) / log(1 - w**k)\n\n\n"
+        "def run(inliers, n):\n    return _trials(len(inliers) / n, 3)\n"
+    )
+    for _ in range(2):
+        CliRunner().invoke(cli, ["scan", "--fix", "--no-cache", str(path)])
+    after = path.read_text()
+    assert "**" not in after.partition("def _trials")[2]
+    assert "return _trials(len(inliers), n, 3)" in after
+    assert load(after).run([1] * 5, 9)
+
+
 SAMPLERS = {
     "np.random.choice(n_points, 3)": "np.random.choice(n_points, 3, replace=False)",
     "np.random.choice(n_points, size=3)": "np.random.choice(n_points, size=3, replace=False)",
@@ -273,6 +472,10 @@ SAMPLERS = {
     "np.random.randint(n_points, size=3)": "np.random.choice(n_points, size=3, replace=False)",
     "rng.integers(0, n_points, size=3)": "rng.choice(n_points, size=3, replace=False)",
     "random.choices(points, k=3)": "random.sample(points, k=3)",
+    "[random.randrange(n_points) for _ in range(3)]": "random.sample(range(n_points), 3)",
+    "[points[random.randint(0, n_points - 1)] for _ in range(3)]": (
+        "[points[i] for i in random.sample(range(n_points), 3)]"
+    ),
 }
 
 

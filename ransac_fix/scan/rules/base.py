@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ransac_fix.scan.findings import Certainty, Finding, Fix, Location, Related
+from ransac_fix.scan.findings import Certainty, Finding, Fix, FixStyle, Location, Related
 from ransac_fix.scan.fixes import fix_probability
 from ransac_fix.scan.form import Module, Span
 from ransac_fix.scan.reading import ReadSite, Text
+from ransac_fix.scan.source import Source, source_of
 from ransac_fix.scan.suppressions import Comment, Suppression
 
 
@@ -35,6 +36,8 @@ class ScannedFile:
         "python", "notebook", "c++", or "python 2" for what had to be repaired to be read.
     whole : callable or None
         Gives the whole file, where ``module`` is only the part that could hold a stopping rule.
+    fix_style : {"self-contained", "import"}
+        Whether a fix adds a function to the file or imports this package's.
     """
 
     path: str
@@ -44,6 +47,11 @@ class ScannedFile:
     comments: tuple[Comment, ...] = ()
     language: str = "python"
     whole: Callable[[], Module] | None = None
+    fix_style: FixStyle = "self-contained"
+
+    def source(self) -> Source | str:
+        """Give the file as fixes read it, or say why it cannot be fixed."""
+        return source_of(self.text, self.language, self.path, self.fix_style)
 
     def everything(self) -> Module:
         """Give the whole file in the small form; ``module`` may be the part that matters."""
@@ -125,9 +133,8 @@ class SiteRule(Rule):
 
     def fix(self, read: ReadSite, file: ScannedFile) -> Fix | str:
         """Give the change that mends a site, or say why there is none."""
-        if file.language != "python":
-            return f"fixes are not written into {file.language} files"
-        return fix_probability(read, file.text, file.path)
+        source = file.source()
+        return source if isinstance(source, str) else fix_probability(read, source, file.path)
 
     def related(self, read: ReadSite, file: ScannedFile) -> Iterator[Related]:
         """Give the other places that belong to a site."""

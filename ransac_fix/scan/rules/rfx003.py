@@ -105,7 +105,8 @@ def ransac(points, fit, k, confidence):
         rule = super().fix(read, file)
         if isinstance(rule, str):
             return rule
-        sampler = fix_sampler(read, file.text, file.path)
+        source = file.source()
+        sampler = source if isinstance(source, str) else fix_sampler(read, source, file.path)
         if isinstance(sampler, str):
             return sampler
         return Fix(

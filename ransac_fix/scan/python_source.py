@@ -1,0 +1,669 @@
+"""Python source as fixes see it: the statements of ``ast``, and where values hold between them."""
+
+import ast
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ransac_fix.scan.findings import Edit, FixStyle
+from ransac_fix.scan.form import Expr, Name, Op, Span
+from ransac_fix.scan.python import tree
+from ransac_fix.scan.reading import Text
+from ransac_fix.scan.sampler import Draw
+from ransac_fix.scan.source import (
+    Argument,
+    CallSite,
+    Signature,
+    Source,
+    Standing,
+    is_inside,
+    names_in,
+)
+
+HELPER = "_all_inlier_probability"
+_HELPER_SOURCE = f'''\
+def {HELPER}(n_inliers, n_samples, sample_size):
+    """Return the probability that all of sample_size distinct samples are inliers.
+
+    With fewer inliers than a sample takes there is none; the factors stop at one then, so that
+    the number of trials made of this stays finite; and 1 - p is less than 1 in a float.
+    """
+    p = 1.0 if n_inliers > 0 else 0.0
+    for i in range(int(sample_size)):
+        p *= max(n_inliers - i, 1) / max(n_samples - i, 1)
+    return max(p, 2.0**-53) if n_inliers > 0 else p
+'''
+_IMPORT = "from ransac_fix import all_inlier_probability"
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_COMPILED = re.compile(r"jit|njit|vectorize|cuda|kernel|torch\.compile|tf\.function|numba")
+# Calls that only look: made twice they cost little and change nothing.
+_LOOKS = frozenset(
+    ("len", "int", "float", "abs", "round", "sum", "count_nonzero", "size", "numel", "item")
+)
+
+# Methods that change how many entries their object has.
+_CHANGES = frozenset(
+    ("append", "extend", "insert", "pop", "remove", "clear", "add", "discard", "update", "resize")
+)
+
+_Definition = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+class PythonSource(Source):
+    """A Python module, or the cells of a notebook."""
+
+    def __init__(
+        self, text: Text, *, style: FixStyle = "self-contained", cells: Sequence[int] | None = None
+    ) -> None:
+        super().__init__(text)
+        self._module = tree(text.source)
+        self._flow = _Flow(self._module, text)
+        self._style = style
+        self._cells = cells
+
+    # ---- values ---------------------------------------------------------------------------
+
+    def standing(
+        self, exprs: Sequence[Expr], start: Span, end: Span, *, anywhere: bool = False
+    ) -> Standing:
+        """Say whether expressions mean the same at ``end`` as they did at ``start``."""
+        names = " ".join(self.spell(expr) or "" for expr in exprs)
+        holds = self._flow.holds_until(names, start, end, anywhere=anywhere)
+        return "same" if holds else "changed"
+
+    def is_repeatable(self, expr: Expr) -> bool:
+        """Whether every call in an expression only looks at something."""
+        if expr.span is None:
+            return isinstance(expr, Name) or (
+                isinstance(expr, Op) and all(map(self.is_repeatable, expr.args))
+            )
+        text = self.text.at(expr.span)
+        try:
+            return _only_looks(ast.parse(text, mode="eval"))
+        except SyntaxError:
+            return False
+
+    def quotient(self, n_inliers: str, n_samples: str) -> str:
+        """Spell a true division."""
+        return f"{n_inliers} / {n_samples}"
+
+    # ---- what is written ------------------------------------------------------------------
+
+    def probability(self, n_inliers: str, n_samples: str, sample_size: str, power: Span) -> str:
+        """Spell the call that takes the place of a power."""
+        del power
+        if self._style == "import":
+            whole = ", ".join(_integer(one) for one in (n_inliers, n_samples, sample_size))
+            return f"max(all_inlier_probability({whole}), 2.0**-53)"
+        return f"{HELPER}({n_inliers}, {n_samples}, {sample_size})"
+
+    def support(self, power: Span, path: str) -> tuple[Edit, ...] | str:
+        """Give the edit that adds the function, or its import, where the file has none yet."""
+        for node in ast.walk(self._module):
+            if isinstance(node, _Definition) and _spans(node, power):
+                compiled = [
+                    one for one in node.decorator_list if _COMPILED.search(ast.unparse(one))
+                ]
+                if compiled:
+                    name = ast.unparse(compiled[0])
+                    return f"{node.name} is compiled by @{name}, which must compile what it calls"
+        name = "all_inlier_probability" if self._style == "import" else HELPER
+        cell = self._cells[power.line - 1] if self._cells else None
+        for known, statement in self._known():
+            if known == name and (cell is None or self._cell(statement) == cell):
+                return ()
+        return (self._insertion(path, cell),)
+
+    def _known(self) -> Iterator[tuple[str, ast.stmt]]:
+        for node in self._module.body:
+            if isinstance(node, _Definition):
+                yield node.name, node
+            elif isinstance(node, ast.ImportFrom) and node.module == "ransac_fix":
+                yield from ((alias.asname or alias.name, node) for alias in node.names)
+
+    def _cell(self, node: ast.stmt) -> int:
+        return self._cells[node.lineno - 1] if self._cells else 0
+
+    def _insertion(self, path: str, cell: int | None) -> Edit:
+        """Put it after the imports that open the module, or the cell, once for all that use it."""
+        body = self._module.body
+        if cell is not None:
+            # Cells run in any order: each has what it needs.
+            body = [node for node in body if self._cell(node) == cell]
+        node = next(
+            (one for one in body if not _opens(one) and not (cell and isinstance(one, ast.Pass))),
+            None,  # a magic was read as `pass`, and stays first
+        )
+        lines = self.text.lines
+        if node is None:
+            node = body[-1]
+        decorators = [one.lineno for one in getattr(node, "decorator_list", [])]
+        line = first = min([node.lineno, *decorators])
+        top = (
+            1
+            if not self._cells
+            else next(number for number, own in enumerate(self._cells, 1) if own == cell)
+        )
+        while line > top and lines[line - 2].startswith("#"):
+            line -= 1  # comments above belong to what they stand above
+        if line == top:
+            line = first  # ... but a coding line or a licence opens the file
+        added = f"{_IMPORT}\n" if self._style == "import" else _HELPER_SOURCE
+        blank = "" if line == top or not lines[line - 2].strip() else "\n\n"
+        if self._style == "import":
+            blank = ""
+            if line > top and not lines[line - 2].strip() and _import_above(lines, line, top):
+                line = _import_above(lines, line, top) + 1
+                return self.edit(Span(line, 0, line, 0), added, path)
+        return self.edit(Span(line, 0, line, 0), f"{blank}{added}\n\n", path)
+
+    def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
+        """Take away the assignments in a function of what is used in ``place`` only."""
+        dead = [place]
+        kept = set(re.findall(r"\w+", new))
+        function = self._flow.function_at(place)
+        if function is None:
+            return ()  # a name of the module may be used anywhere
+        edits: list[Edit] = []
+        for name in dict.fromkeys(names_in(expr)):
+            if name in kept:
+                continue
+            written = [
+                node
+                for node in ast.walk(function)
+                if isinstance(node, ast.Assign | ast.AnnAssign)
+                and any(isinstance(one, ast.Name) and one.id == name for one in _targets(node))
+            ]
+            uses = [
+                self._span(node)
+                for node in ast.walk(function)
+                if isinstance(node, ast.Name) and node.id == name
+            ]
+            if len(written) != 1 or len(_targets(written[0])) != 1:
+                continue
+            (statement,) = written
+            own = self._span(statement)
+            everywhere = (*dead, own)
+            if not all(any(is_inside(use, one) for one in everywhere) for use in uses):
+                continue
+            if not self._flow.may_go(statement) or not _only_looks(statement.value):
+                continue
+            rest = self.text.lines[own.end_line - 1][own.end_column :].strip()
+            lead = self.text.lines[own.line - 1][: own.column].strip()
+            if lead or (rest and not rest.startswith("#")):
+                continue
+            gone = Span(own.line, 0, own.end_line + 1, 0) if not rest else own
+            dead.append(own)
+            edits.append(self.edit(gone, "", path))
+        return tuple(edits)
+
+    # ---- signatures -----------------------------------------------------------------------
+
+    def signature(self, function: Span, parameter: str) -> Signature | str:
+        """Find what changes with a parameter of a function."""
+        definition = self._definition(function)
+        if definition is None:
+            return "its function is not a plain one"
+        arguments = definition.args
+        positional = (*arguments.posonlyargs, *arguments.args)
+        every = (*positional, *arguments.kwonlyargs)
+        own = next((one for one in every if one.arg == parameter), None)
+        if own is None:
+            return f"{parameter} is not a plain parameter of {definition.name}"
+        if _default_of(arguments, own) is not None:
+            return f"{parameter} has a default in {definition.name}"
+        if any(_writes_name(node, parameter) for node in ast.walk(definition)):
+            return f"{parameter} is bound again in {definition.name}"
+        method = self._is_method(definition)
+        same_name = [
+            node
+            for node in ast.walk(self._module)
+            if isinstance(node, _Definition) and node.name == definition.name
+        ]
+        if len(same_name) > 1:
+            return f"there are {len(same_name)} functions named {definition.name}"
+        place = positional.index(own) if own in positional else None
+        if place is not None and method:
+            place -= 1
+        calls: list[CallSite] = []
+        functions: set[int] = set()
+        for node in ast.walk(self._module):
+            if isinstance(node, ast.Call) and _names(node.func, definition.name):
+                functions.add(id(node.func))
+                starred = any(isinstance(one, ast.Starred) for one in node.args)
+                if starred or any(word.arg is None for word in node.keywords):
+                    return f"the call in line {node.lineno} unpacks its arguments"
+                calls.append(CallSite(self._span(node), self._argument(node, place, parameter)))
+        for node in ast.walk(self._module):
+            if _names(node, definition.name) and id(node) not in functions:
+                return f"{definition.name} is used in line {node.lineno} without a call"  # type: ignore[attr-defined]
+            if isinstance(node, ast.Constant) and node.value == definition.name:
+                return f"{definition.name} is named in line {node.lineno}"
+        nested = definition not in self._module.body and not method
+        first = next((one for one in definition.body if not _is_docstring(one)), None)
+        if first is None or first.lineno == definition.lineno:
+            return f"{definition.name} is written on one line"
+        lead = self.text.lines[first.lineno - 1][: first.col_offset]
+        if lead.strip():
+            return f"{definition.name} is written on one line"
+        names = {node.id for node in ast.walk(definition) if isinstance(node, ast.Name)}
+        names |= {one.arg for one in every}
+        return Signature(
+            parameters=(self._span(own),),
+            calls=tuple(calls),
+            private=nested or definition.name.startswith("_"),
+            declared="{}",
+            body=Span(first.lineno, 0, first.lineno, 0),
+            statement=f"{lead}{{name}} = {{value}}\n",
+            names=frozenset(names),
+            uses=tuple(
+                self._span(node)
+                for node in ast.walk(definition)
+                if isinstance(node, ast.Name) and node.id == parameter
+            ),
+        )
+
+    def _definition(self, span: Span) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
+        for node in ast.walk(self._module):
+            if isinstance(node, _Definition) and self._span(node) == span:
+                return node
+        return None
+
+    def _is_method(self, definition: ast.stmt) -> bool:
+        for node in ast.walk(self._module):
+            if isinstance(node, ast.ClassDef) and definition in node.body:
+                decorators = getattr(definition, "decorator_list", [])
+                return not any(ast.unparse(one) == "staticmethod" for one in decorators)
+        return False
+
+    def _argument(self, call: ast.Call, place: int | None, parameter: str) -> Argument | None:
+        for word in call.keywords:
+            if word.arg == parameter:
+                value = self._span(word.value)
+                column = _character(self.text, word.lineno, word.col_offset)
+                span = Span(word.lineno, column, value.end_line, value.end_column)
+                return Argument(span, parameter)
+        if place is not None and place < len(call.args):
+            return Argument(self._span(call.args[place]))
+        return None
+
+    def _span(self, node: ast.expr | ast.stmt | ast.arg) -> Span:
+        return _span(node, self.text)
+
+    # ---- samplers -------------------------------------------------------------------------
+
+    def population(self, draw: Draw, place: Span) -> tuple[str, bool] | None:
+        """Spell the number of data that a sampler draws from; say whether ``place`` knows it."""
+        call = self._call_at(draw.span)
+        spelled = None if call is None else _population(call)
+        if spelled is None:
+            return None
+        known = self._flow.is_known_at(spelled, place)
+        return spelled, known and self._flow.holds_until(spelled, place, draw.span, anywhere=True)
+
+    def distinct_draw(self, draw: Draw, path: str) -> tuple[Edit, ...] | str:
+        """Give the edit that makes a call draw distinct samples."""
+        call = self._call_at(draw.span)
+        if call is not None:
+            spelled = _distinct(call)
+            if spelled is not None:
+                return (self.edit(draw.span, spelled, path),)
+            for node in ast.walk(self._module):
+                if isinstance(node, ast.ListComp):
+                    spelled = _distinct_list(node, call)
+                    if spelled is not None:
+                        return (self.edit(self._span(node), spelled, path),)
+        return super().distinct_draw(draw, path)
+
+    def _call_at(self, span: Span) -> ast.Call | None:
+        for node in ast.walk(self._module):
+            if isinstance(node, ast.Call) and self._span(node) == span:
+                return node
+        return None
+
+
+def _integer(text: str) -> str:
+    return text if re.fullmatch(r"\d+|len\([\w.\[\]]*\)", text) else f"int({text})"
+
+
+def _import_above(lines: Sequence[str], line: int, top: int) -> int:
+    """Give the last line above that imports, past blank lines only; 0 if there is none."""
+    above = line - 1
+    while above >= top and not lines[above - 1].strip():
+        above -= 1
+    return above if above >= top and re.match(r"(?:from|import)\s", lines[above - 1]) else 0
+
+
+def _targets(node: ast.Assign | ast.AnnAssign) -> list[ast.expr]:
+    return node.targets if isinstance(node, ast.Assign) else [node.target]
+
+
+def _only_looks(parsed: ast.AST | None) -> bool:
+    """Whether every call in an expression only looks at something."""
+    for node in ast.walk(parsed) if parsed is not None else ():
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+            name = node.func.id if isinstance(node.func, ast.Name) else name
+            if name not in _LOOKS:
+                return False
+        elif isinstance(node, ast.Await | ast.Yield | ast.YieldFrom | ast.NamedExpr):
+            return False
+    return True
+
+
+def _is_docstring(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _default_of(arguments: ast.arguments, own: ast.arg) -> ast.expr | None:
+    positional = [*arguments.posonlyargs, *arguments.args]
+    if own in positional:
+        place = positional.index(own) - len(positional)
+        return arguments.defaults[place] if -place <= len(arguments.defaults) else None
+    return arguments.kw_defaults[arguments.kwonlyargs.index(own)]
+
+
+def _writes_name(node: ast.AST, name: str) -> bool:
+    return isinstance(node, ast.Name) and node.id == name and not isinstance(node.ctx, ast.Load)
+
+
+def _names(node: ast.AST, name: str) -> bool:
+    return (isinstance(node, ast.Name) and node.id == name) or (
+        isinstance(node, ast.Attribute) and node.attr == name
+    )
+
+
+def _spans(node: ast.stmt, span: Span) -> bool:
+    return node.lineno <= span.line and span.end_line <= (node.end_lineno or node.lineno)
+
+
+def _population(call: ast.Call) -> str | None:
+    """Spell the number of data that a call draws from."""
+    if not isinstance(call.func, ast.Attribute | ast.Name):
+        return None
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else call.func.id
+    arguments = call.args
+    if not arguments:
+        return None
+    match name:
+        case "sample" | "choices":
+            if isinstance(call.func, ast.Attribute) and ast.unparse(call.func.value) != "random":
+                return None
+            return _size_of(arguments[0]) or f"len({ast.unparse(arguments[0])})"
+        case "choice" | "permutation" | "randperm" | "sample_without_replacement":
+            return _size_of(arguments[0])
+        case "randint" | "integers" | "random_integers":
+            ends = arguments[:2]
+            single = isinstance(call.func, ast.Name) or ast.unparse(call.func.value) == "random"
+            if len(ends) == 2 and ast.unparse(ends[0]) != "0":
+                return None
+            return _one_more(ends[-1]) if single else ast.unparse(ends[-1])
+        case "randrange":
+            return ast.unparse(arguments[0]) if len(arguments) == 1 else None
+    return None
+
+
+def _size_of(node: ast.expr) -> str | None:
+    """Spell how many entries ``range(n)``, ``arange(n)`` or a number of data stands for."""
+    match node:
+        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[size]):
+            return ast.unparse(size)
+        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[low, size]):
+            return ast.unparse(size) if ast.unparse(low) == "0" else None
+        case ast.Call(func=ast.Name(id="len")) | ast.Attribute(attr="size"):
+            return ast.unparse(node)
+        case ast.Subscript(value=ast.Attribute(attr="shape")):
+            return ast.unparse(node)
+    return None
+
+
+def _one_more(node: ast.expr) -> str | None:
+    """Read n out of n - 1, the largest index."""
+    match node:
+        case ast.BinOp(left=left, op=ast.Sub(), right=ast.Constant(value=1)):
+            return ast.unparse(left)
+    return None
+
+
+def _distinct(call: ast.Call) -> str | None:
+    """Spell a call that draws with replacement so that it draws without."""
+    if not isinstance(call.func, ast.Attribute):
+        return None
+    base = ast.unparse(call.func.value)
+    names = {word.arg: word.value for word in call.keywords}
+    arguments = [ast.unparse(argument) for argument in call.args]
+    match call.func.attr:
+        case "choice":
+            words = [f"{word.arg}={ast.unparse(word.value)}" for word in call.keywords]
+            words = [word for word in words if not word.startswith("replace=")]
+            return f"{base}.choice({', '.join([*arguments[:2], *words, 'replace=False'])})"
+        case "choices" if "k" in names and len(arguments) == 1 and "weights" not in names:
+            return f"{base}.sample({arguments[0]}, k={ast.unparse(names['k'])})"
+        case "randint" | "integers" if base != "torch" and not {"endpoint", "dtype"} & set(names):
+            size = arguments[2] if len(arguments) > 2 else None
+            if "size" in names:
+                size = ast.unparse(names["size"])
+            low, high = ("0", arguments[0]) if len(arguments) == 1 else arguments[:2]
+            several = re.match(r"\(.*,.*\w.*\)", size or "")  # several samples at once
+            if size is not None and low == "0" and not several:
+                return f"{base}.choice({high}, size={size}, replace=False)"
+    return None
+
+
+def _distinct_list(node: ast.ListComp, draw: ast.Call) -> str | None:
+    """Spell ``[random.randrange(n) for _ in range(k)]`` so that it draws without replacement."""
+    match node:
+        case ast.ListComp(
+            elt=element,
+            generators=[
+                ast.comprehension(
+                    target=ast.Name(id=counter),
+                    iter=ast.Call(func=ast.Name(id="range"), args=[size]),
+                    ifs=[],
+                )
+            ],
+        ):
+            pass
+        case _:
+            return None
+    population = _population(draw)
+    function = draw.func
+    if (
+        population is None
+        or not isinstance(function, ast.Attribute)
+        or counter in re.findall(r"\w+", population)
+    ):
+        return None
+    if ast.unparse(function.value) != "random":
+        return None
+    sample = f"random.sample(range({population}), {ast.unparse(size)})"
+    if element is draw:
+        return sample
+    match element:
+        case ast.Subscript(value=ast.Name() as data, slice=index) if index is draw:
+            return f"[{ast.unparse(data)}[i] for i in {sample}]"
+    return None
+
+
+def _span(node: ast.expr | ast.stmt | ast.arg, text: Text) -> Span:
+    end = node.end_lineno or node.lineno
+    return Span(
+        node.lineno,
+        _character(text, node.lineno, node.col_offset),
+        end,
+        _character(text, end, node.end_col_offset or 0),
+    )
+
+
+def _character(text: Text, line: int, column: int) -> int:
+    """Turn a column in bytes, as ``ast`` counts, into one in characters."""
+    own = text.lines[line - 1]
+    return column if own.isascii() else len(own.encode()[:column].decode("utf-8", "replace"))
+
+
+# ---- where values hold----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """A statement, and the block it stands in."""
+
+    node: ast.stmt
+    block: int
+    index: int
+    parent: "_Step | None"
+
+
+class _Flow:
+    """The statements of a module, to see whether a value still holds somewhere else."""
+
+    def __init__(self, module: ast.Module, text: Text) -> None:
+        self.module = module
+        self._text = text
+        self._steps: list[_Step] = []
+        self._read(module.body, None)
+
+    def _read(self, body: Sequence[ast.stmt], parent: _Step | None) -> None:
+        for index, node in enumerate(body):
+            step = _Step(node, id(body), index, parent)
+            self._steps.append(step)
+            for name in ("body", "orelse", "finalbody"):
+                self._read(getattr(node, name, []), step)
+            for handler in getattr(node, "handlers", []):
+                self._read(handler.body, step)
+            for case in getattr(node, "cases", []):
+                self._read(case.body, step)
+
+    def functions(self) -> Iterator[tuple[str, ast.stmt]]:
+        """Yield the functions of the module itself."""
+        for node in self.module.body:
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                yield node.name, node
+
+    def function_at(self, span: Span) -> ast.stmt | None:
+        """Give the function that a place stands in."""
+        step = self._at(span)
+        return None if step is None else _function(step)
+
+    def may_go(self, node: ast.stmt) -> bool:
+        """Whether a block is left with something in it without a statement."""
+        own = next(step for step in self._steps if step.node is node)
+        return any(step.block == own.block and step is not own for step in self._steps)
+
+    def is_known_at(self, names_in: str, span: Span) -> bool:
+        """Whether the names in a text have a value at a place, by what stands before it."""
+        step = self._at(span)
+        if step is None:
+            return False
+        function = _function(step)
+        known = {name for name, _ in self.functions()} | {"len"}
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            arguments = function.args
+            every = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+            known |= {argument.arg for argument in every}
+        start = function.lineno if function is not None else 0
+        for node in ast.walk(self.module):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                inside = start <= node.lineno < span.line
+                if inside and self._dominates_line(node.lineno, step):
+                    known.add(node.id)
+        bare = re.sub(r"\.\s*\w+", "", names_in)  # attributes belong to what they are of
+        return set(re.findall(r"[A-Za-z_]\w*", bare)) <= known
+
+    def _dominates_line(self, line: int, last: "_Step") -> bool:
+        return any(
+            step.node.lineno <= line <= (step.node.end_lineno or line) and _dominates(step, last)
+            for step in self._steps
+            if not isinstance(step.node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        )
+
+    def holds_until(self, names_in: str, start: Span, end: Span, *, anywhere: bool = False) -> bool:
+        """Whether the names in a text mean the same at ``end`` as at ``start``.
+
+        With ``anywhere`` the end may also be in a branch or loop that is not always reached.
+        """
+        if (start.line, start.column) >= (end.line, end.column) and (
+            start.end_line,
+            start.end_column,
+        ) <= (end.end_line, end.end_column):
+            return True  # the one stands inside the other
+        first, last = self._at(start), self._at(end)
+        if first is None or last is None or _function(first) is not _function(last):
+            return False
+        if not anywhere and not _dominates(first, last):
+            return False
+        names = set(re.findall(r"[A-Za-z_]\w*", names_in))
+        loops = [
+            step.node
+            for step in _ancestors(last)
+            if isinstance(step.node, ast.For | ast.While) and step not in _ancestors(first)
+        ]
+        for node, line, column in self._writes(names):
+            between = (start.line, start.column) < (line, column) < (end.line, end.column)
+            looped = any(loop.lineno <= line <= (loop.end_lineno or line) for loop in loops)
+            own = first.node.lineno <= line <= (first.node.end_lineno or line)
+            if (between or looped) and not own and node is not first.node:
+                return False
+        return True
+
+    def _writes(self, names: set[str]) -> Iterator[tuple[ast.AST, int, int]]:
+        for node in ast.walk(self.module):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Attribute)
+                and node.func.attr in _CHANGES
+                and _last_name(node.func.value) in names
+            ):
+                yield node, node.lineno, node.col_offset
+            written = (isinstance(node, ast.Name) and node.id in names) or (
+                isinstance(node, ast.Attribute) and node.attr in names
+            )
+            if written and isinstance(node.ctx, ast.Store | ast.Del):  # type: ignore[attr-defined]
+                yield node, node.lineno, node.col_offset  # type: ignore[attr-defined]
+
+    def _at(self, span: Span) -> _Step | None:
+        """Find the innermost statement that holds a span."""
+        best: _Step | None = None
+        for step in self._steps:
+            line, column, end_line, end_column = _span(step.node, self._text)
+            starts = (line, column) <= (span.line, span.column)
+            if starts and (span.end_line, span.end_column) <= (end_line, end_column):
+                best = step  # inner statements come after the one they stand in
+        return best
+
+
+def _ancestors(step: _Step) -> list[_Step]:
+    found: list[_Step] = []
+    current: _Step | None = step
+    while current is not None:
+        found.append(current)
+        current = current.parent
+    return found
+
+
+def _last_name(node: ast.expr) -> str:
+    return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
+
+
+def _function(step: _Step) -> ast.stmt | None:
+    for above in _ancestors(step):
+        if isinstance(above.node, ast.FunctionDef | ast.AsyncFunctionDef):
+            return above.node
+    return None
+
+
+def _dominates(first: _Step, last: _Step) -> bool:
+    """Whether ``first`` has always run, in the same run of its block, when ``last`` does."""
+    return any(
+        above.block == first.block and above.index >= first.index for above in _ancestors(last)
+    )
+
+
+def _opens(node: ast.stmt) -> bool:
+    """Whether a statement belongs to the opening of a module: docstring, imports, their guards."""
+    match node:
+        case ast.Import() | ast.ImportFrom() | ast.Expr(value=ast.Constant(value=str())):
+            return True
+        case ast.Try(body=body) | ast.If(body=body):
+            return all(isinstance(one, ast.Import | ast.ImportFrom) for one in body)
+    return False
