@@ -59,7 +59,8 @@ def test_sarif(project):
     assert found["relatedLocations"][0]["physicalLocation"]["region"]["startLine"] == 5
     (fix,) = found["fixes"]
     (change,) = fix["artifactChanges"]
-    assert len(change["replacements"]) == 3
+    # The sampler, the function, the power, and the ratio that nothing else uses.
+    assert len(change["replacements"]) == 4
     assert "suppressions" not in found
     assert suppressed["suppressions"][0]["justification"] == "measured: it is 100% fine"
     (notification,) = scan["invocations"][0]["toolExecutionNotifications"]
