@@ -25,6 +25,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.errors import PatchNotApplicable
+from ransac_fix.patching import residuals
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
@@ -396,29 +397,21 @@ def _threshold(form_default: float, bound: Bound, name: str) -> float:
 
 def _homography_residuals(_cv2: Any, bound: Bound, result: Result) -> "NDArray[np.float64]":
     x, y = (_rows(bound[name], result[1].size, 2) for name in ("srcPoints", "dstPoints"))
-    return _transfer(x, y, result[0], _threshold(3.0, bound, "ransacReprojThreshold"))
+    threshold = _threshold(3.0, bound, "ransacReprojThreshold")
+    return residuals.transfer(x, y, result[0]) / threshold**2
 
 
 def _affine_residuals(_cv2: Any, bound: Bound, result: Result) -> "NDArray[np.float64]":
     names = ("pts1", "pts2") if "params" in bound else ("from_", "to")
     x, y = (_rows(bound[name], result[1].size, 2) for name in names)
-    return _transfer(x, y, result[0], _threshold(3.0, bound, "ransacReprojThreshold"))
-
-
-def _transfer(x: Any, y: Any, model: Any, threshold: float) -> "NDArray[np.float64]":
-    import numpy as np
-
-    moved = x @ model[:, :2].T + model[:, 2]
-    if len(model) == 3:
-        with np.errstate(all="ignore"):
-            moved = moved[:, :2] / moved[:, 2:]
-    squares: NDArray[np.float64] = ((moved - y) ** 2).sum(axis=1) / threshold**2
-    return np.nan_to_num(squares, nan=inf)
+    threshold = _threshold(3.0, bound, "ransacReprojThreshold")
+    return residuals.transfer(x, y, result[0]) / threshold**2
 
 
 def _fundamental_residuals(_cv2: Any, bound: Bound, result: Result) -> "NDArray[np.float64]":
     x, y = (_rows(bound[name], result[1].size, 2) for name in ("points1", "points2"))
-    return _sampson(x, y, result[0][:3], _threshold(3.0, bound, "ransacReprojThreshold"))
+    threshold = _threshold(3.0, bound, "ransacReprojThreshold")
+    return residuals.sampson(x, y, result[0][:3]) / threshold**2
 
 
 def _essential_residuals(cv2: Any, bound: Bound, result: Result) -> "NDArray[np.float64]":
@@ -444,19 +437,7 @@ def _essential_residuals(cv2: Any, bound: Bound, result: Result) -> "NDArray[np.
         focal = float(bound.get("focal", 1.0))
         points = [(rows - np.asarray(bound.get("pp", (0.0, 0.0)))) / focal for rows in points]
     threshold = _threshold(1.0, bound, "threshold") / focal
-    return _sampson(points[0], points[1], result[0][:3], threshold)
-
-
-def _sampson(x: Any, y: Any, model: Any, threshold: float) -> "NDArray[np.float64]":
-    import numpy as np
-
-    line = x @ model[:, :2].T + model[:, 2]
-    back = y @ model[:2] + model[2]
-    error = (y * line[:, :2]).sum(axis=1) + line[:, 2]
-    scale = (line[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1)
-    with np.errstate(all="ignore"):
-        squares: NDArray[np.float64] = error**2 / scale / threshold**2
-    return np.nan_to_num(squares, nan=inf)
+    return np.asarray(residuals.sampson(points[0], points[1], result[0][:3]) / threshold**2)
 
 
 def _pose_residuals(cv2: Any, bound: Bound, result: Result) -> "NDArray[np.float64]":

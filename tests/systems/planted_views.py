@@ -140,15 +140,19 @@ _KINDS: dict[str, Callable[[np.ndarray, np.random.Generator], tuple[np.ndarray, 
 }
 
 
-def chance_of_larger(trials: float, q_small: float, q_large: float) -> float:
+def chance_of_larger(
+    trials: float, q_small: float, q_large: float, most: float = math.inf
+) -> float:
     """Return the chance that a run ends with the larger group.
 
-    It runs until `trials` once the smaller one is in hand, and longer while nothing is;
+    It runs until `trials` once the smaller one is in hand, and until `most` while nothing is;
     `q_small`, `q_large`: the chances that one trial finds either.
     """
     both = q_small + q_large
-    small = (1 - q_large) ** trials - (1 - both) ** trials * q_large / both
-    return 1 - small
+    neither = (1 - both) ** trials
+    small = (1 - q_large) ** trials - neither
+    late = neither - (1 - both) ** most
+    return 1 - small - late * q_small / both - (1 - both) ** most
 
 
 def likelihood_ratio(

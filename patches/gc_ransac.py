@@ -1,0 +1,217 @@
+"""Graph-Cut RANSAC, through pygcransac: five estimators, with uniform samples.
+
+The rule is compiled in and assumes p**k, so the functions are wrapped: see
+`ransac_fix.patching.missing`. The missing trials are asked for as both bounds on trials. There is
+no seed, so they are fresh samples.
+
+An inlier of the rule, and of the mask, lies within one and a half thresholds of the model. How many
+trials were run pygcransac does not say: they are what its rule asks for with the final model. Nor
+does it return its score: the model with the smaller sum of squared residuals, truncated there, is
+kept.
+
+Passed through untouched: samplers other than the uniform one, ``sampler=0`` (the default of all
+but ``findLine2D`` is 1, PROSAC), and minimal solvers other than the first, which take samples of
+another kind. ``find6DPose`` and the essential matrices with known gravity or planar motion were not
+measured.
+
+With NumPy 2 and later release 0.1.1 returns masks that are all true: nothing can be read from them,
+so it is refused there. There is no seed to look at the rule with, so releases other than the one
+measured are refused too.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ransac_fix.errors import PatchNotApplicable
+from ransac_fix.patching import residuals
+from ransac_fix.patching.docstrings import documented_parameters
+from ransac_fix.patching.interface import LibraryPatch, Replacement
+from ransac_fix.patching.missing import (
+    Attempt,
+    Promise,
+    complete,
+    missing_trials,
+    own_function,
+    slack,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Squares = Callable[[dict[str, Any], Any], NDArray[np.float64]]
+    """``squares(settings, model)``: squared residuals in units of the threshold's."""
+
+__all__ = ["PATCH"]
+
+_KNOWN_VERSION = "0.1.1"
+_UNIFORM = 0
+_FIRST_SOLVER = 0
+# Where the squared residual is truncated, in squared thresholds.
+_TRUNCATION = 9.0 / 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimator:
+    """One function: the size of its samples, its measurements and its residuals."""
+
+    sample_size: int
+    points: str
+    squares: "Squares"
+
+
+def _sides(settings: dict[str, Any], name: str, columns: int) -> tuple[Any, Any]:
+    import numpy as np
+
+    rows = np.asarray(settings[name], dtype=np.float64)
+    return rows[:, :columns], rows[:, columns : 2 * columns]
+
+
+def _homography(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
+    return residuals.transfer(*_sides(settings, "correspondences", 2), model)
+
+
+def _fundamental(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
+    return residuals.sampson(*_sides(settings, "correspondences", 2), model)
+
+
+def _essential(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
+    import numpy as np
+
+    sides = _sides(settings, "correspondences", 2)
+    cameras = [np.asarray(settings[name], dtype=np.float64) for name in ("K1", "K2")]
+    x, y = (
+        (side - camera[:2, 2]) / camera.diagonal()[:2]
+        for side, camera in zip(sides, cameras, strict=True)
+    )
+    # Thresholds in pixels are divided by it.
+    focal = sum(camera[0, 0] + camera[1, 1] for camera in cameras) / 4
+    return np.asarray(residuals.sampson(x, y, model) * focal**2)
+
+
+def _rigid(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
+    return residuals.rigid(*_sides(settings, "x1y1z1x2y2z2", 3), model)
+
+
+def _line(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
+    import numpy as np
+
+    return residuals.line(np.asarray(settings["x1y1"], dtype=np.float64), model)
+
+
+_ESTIMATORS = {
+    "findHomography": _Estimator(4, "correspondences", _homography),
+    "findFundamentalMatrix": _Estimator(7, "correspondences", _fundamental),
+    "findEssentialMatrix": _Estimator(5, "correspondences", _essential),
+    "findRigidTransform": _Estimator(3, "x1y1z1x2y2z2", _rigid),
+    "findLine2D": _Estimator(2, "x1y1", _line),
+}
+
+
+def _rule(n_inliers: int, n_samples: int, sample_size: int, confidence: float) -> float:
+    """Return what pygcransac's own rule asks for with `n_inliers` in hand."""
+    chance = (n_inliers / n_samples) ** sample_size
+    if chance >= 1.0:
+        return 1
+    if chance <= 0.0 or confidence >= 1.0:
+        return math.inf
+    return math.floor(math.log(1.0 - confidence) / math.log1p(-chance)) + 1
+
+
+def _wrap(
+    original: Callable[..., Any], estimator: _Estimator, defaults: dict[str, Any]
+) -> Callable[..., Any]:
+    """Return the exact estimator."""
+    k = estimator.sample_size
+    names = tuple(defaults)
+
+    def exact(*args: Any, **kwargs: Any) -> Any:
+        result = original(*args, **kwargs)
+        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
+        solver = settings.get("solver", _FIRST_SOLVER)
+        n_samples = len(settings[estimator.points])
+        if settings["sampler"] != _UNIFORM or solver != _FIRST_SOLVER or n_samples <= k:
+            return result
+        threshold, confidence = settings["threshold"], settings["conf"]
+
+        def attempt(found: Any, least: int, most: int) -> Attempt[Any]:
+            # A model of no more inliers than a sample is not returned, but ends the run.
+            n_inliers = k if found[0] is None else int(found[1].sum())
+            rule = _rule(n_inliers, n_samples, k, confidence)
+            return Attempt(found, n_inliers, max(min(rule, most), least, 1))
+
+        limit = settings["max_iters"]
+        first = attempt(result, settings["min_iters"], limit)
+        if not missing_trials(
+            first.n_inliers, n_samples, k, confidence, first.trials, limit, slack()
+        ):
+            return result
+
+        def run(trials: int, _round: int) -> Attempt[Any]:
+            both = {"min_iters": trials, "max_iters": trials}
+            return attempt(original(**{**settings, **both}), trials, trials)
+
+        def loss(found: Any) -> float:
+            if found[0] is None:
+                return math.inf
+            squares = estimator.squares(settings, found[0]) / threshold**2
+            return float(squares.clip(max=_TRUNCATION).sum())
+
+        promise = Promise(n_samples, k, confidence, limit)
+        return complete(first, promise, run, lambda new, best: loss(new) < loss(best))
+
+    return exact
+
+
+def plan(module: ModuleType) -> tuple[Replacement, ...]:
+    """Return what to replace: the five functions."""
+    try:
+        found = version("pygcransac")
+    except PackageNotFoundError:
+        found = "unknown"
+    if found != _KNOWN_VERSION:
+        raise PatchNotApplicable(f"the rule of release {found} was not measured")
+    replacements = []
+    for name, estimator in _ESTIMATORS.items():
+        original = own_function(module, name)
+        if original is None:
+            raise PatchNotApplicable(f"pygcransac has no {name}")
+        defaults = documented_parameters(original)
+        for parameter in (estimator.points, "threshold", "conf", "max_iters", "min_iters"):
+            if parameter not in defaults:
+                raise PatchNotApplicable(f"pygcransac.{name} takes no {parameter}")
+        exact = _wrap(original, estimator, defaults)
+        replacements.append(Replacement(holder=module, name=name, exact=exact))
+    _check_masks(module)
+    return tuple(replacements)
+
+
+def _check_masks(module: Any) -> None:
+    """Refuse a pygcransac whose masks say nothing."""
+    import numpy as np
+
+    find = own_function(module, "findLine2D")
+    assert find is not None
+    along = np.arange(20.0)
+    points = np.column_stack([10.0 * along, 5.0 * along + 7.0])
+    points[::4, 1] += 50.0 + along[::4] ** 2
+    _, mask = find(points, 300, 300, np.ones(20), 0.1, sampler=_UNIFORM)
+    if int(mask.sum()) == len(points):
+        raise PatchNotApplicable(
+            f"with NumPy {np.__version__} its masks are all true, and tell nothing of the inliers:"
+            " use NumPy 1"
+        )
+
+
+PATCH = LibraryPatch(
+    system="gc-ransac",
+    requirements=("pygcransac==0.1.1",),
+    modules=("pygcransac",),
+    plan=plan,
+    observe=plan,
+    wraps=True,
+)
