@@ -85,12 +85,26 @@ def _synthetic(shape: "Shape", line: str) -> None:
         help="What of the noise is uniform in [0.5, 2].",
     )
     @click.option(
+        "--scope",
+        type=click.Choice(["instance", "measurement"]),
+        default="instance",
+        show_default=True,
+        help="What has its own noise.",
+    )
+    @click.option(
         "--placement",
-        type=click.Choice(["free", "whole"]),
+        type=click.Choice(["free", "whole", "absent"]),
         default="free",
         show_default=True,
         help="Segments between uniform points, or whole chords; ellipses anywhere, or wholly in "
-        "the box.",
+        "the box. Absent is a control: outliers only.",
+    )
+    @click.option(
+        "--limit",
+        type=click.Choice(["distance", "square"]),
+        default="distance",
+        show_default=True,
+        help="Whether an inlier's whitened distance, or its square, is at most 3.",
     )
     @click.option(
         "--ties",
@@ -106,6 +120,14 @@ def _synthetic(shape: "Shape", line: str) -> None:
         default="geometric",
         show_default=True,
         help=f"Who is an inlier{from_the_paper}.",
+        hidden=shape == "line",
+    )
+    @click.option(
+        "--conics",
+        type=click.Choice(["counted", "redrawn"]),
+        default="counted",
+        show_default=True,
+        help="Whether five points on no ellipse are a trial, or are drawn again within it.",
         hidden=shape == "line",
     )
     @click.option(
@@ -282,7 +304,17 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
             show_default=True,
             help="Trials after which a run ends though its rule is not met; how often is told.",
         ),
+        click.option(
+            "--pairs",
+            type=click.IntRange(1),
+            help="At most so many pairs of each data set, chosen by the seed; all by default.",
+        ),
         click.option("--seed", type=click.IntRange(0), default=0, show_default=True),
+        click.option(
+            "--results",
+            type=click.Path(file_okay=False, path_type=Path),
+            help="Keep finished subsamples in this folder, and run only those that are not there.",
+        ),
         click.option(
             "--jobs",
             type=int,
@@ -337,7 +369,9 @@ def pose(
     library: str,
     repeats: int | None,
     cap: int,
+    pairs: int | None,
     seed: int,
+    results: Path | None,
     jobs: int,
     kinds: tuple[str, ...],
     ns: tuple[int, ...],
@@ -354,7 +388,9 @@ def pose(
         library,
         repeats,
         cap,
+        pairs,
         seed,
+        results,
         jobs,
         kinds or tuple(_KINDS),
         ns,
@@ -399,7 +435,9 @@ def teaser(
     library: str,
     repeats: int | None,
     cap: int,
+    pairs: int | None,
     seed: int,
+    results: Path | None,
     jobs: int,
     kind: str,
     n_samples: int,
@@ -416,7 +454,9 @@ def teaser(
         library,
         repeats,
         cap,
+        pairs,
         seed,
+        results,
         jobs,
         (kind,),
         (n_samples,),
@@ -439,7 +479,9 @@ def _pose_rows(
     library: str,
     repeats: int | None,
     cap: int,
+    pairs: int | None,
     seed: int,
+    results: Path | None,
     jobs: int,
     kinds: tuple[str, ...],
     ns: tuple[int, ...],
@@ -451,13 +493,17 @@ def _pose_rows(
     if jobs == 0:
         raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
     _need("cv2", "poselib", "pycolmap", "skimage")
+    from ransac_fix.experiments.pose.engine import Store, choose_pairs, run_problems
     from ransac_fix.experiments.pose.loaders import load_problems, load_stereo_pair
-    from ransac_fix.experiments.pose.tables import Settings, run_problems, summarise
+    from ransac_fix.experiments.pose.runs import Settings
+    from ransac_fix.experiments.pose.tables import summarise
 
     problems = load_stereo_pair() if data is None else load_problems(data)
     if datasets:
         problems = [p for p in problems if any(part in p.dataset for part in datasets)]
     problems = [problem for problem in problems if problem.kind in kinds]
+    if pairs is not None:
+        problems = choose_pairs(problems, pairs, seed)
     if repeats is None:
         repeats = 100 if data is None else 5
     if not any(len(problem.first) >= n for problem in problems for n in ns):
@@ -472,5 +518,11 @@ def _pose_rows(
         patched = partial(patched_library, library)
     settings = Settings(library, ns, confidences, repeats, cap, seed, patched)
     with progress_bar(f"pose, {library}") as progress:
-        cases = run_problems(problems, settings, n_jobs=jobs, progress=progress)
+        cases = run_problems(
+            problems,
+            settings,
+            n_jobs=jobs,
+            store=None if results is None else Store(results),
+            progress=progress,
+        )
     return summarise(cases, by_dataset=by_dataset)

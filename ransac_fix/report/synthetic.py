@@ -34,7 +34,10 @@ class SetupRecord:
     n_inliers: int
     confidence: float
     noise: str
+    scope: str
     placement: str
+    limit: str
+    conics: str
     ties: str
     distance: str
     error: str
@@ -172,13 +175,15 @@ def _title(rows: Sequence[Row]) -> str:
 def _choices(setup: Setup) -> str:
     chosen: dict[str, str] = {
         "noise": setup.noise,
+        "scope": setup.scope,
         "placement": setup.placement,
+        "limit": setup.limit,
         "ties": setup.ties,
         "error": setup.error,
         "streams": setup.streams,
     }
     if setup.shape == "ellipse":
-        chosen["distance"] = setup.distance
+        chosen |= {"distance": setup.distance, "conics": setup.conics}
     return "Choices: " + ", ".join(f"{name} {value}" for name, value in chosen.items()) + "."
 
 
@@ -228,7 +233,10 @@ def _record(row: Row) -> RowRecord:
             setup.n_inliers,
             float(setup.confidence),
             setup.noise,
+            setup.scope,
             setup.placement,
+            setup.limit,
+            setup.conics,
             setup.ties,
             setup.distance,
             setup.error,

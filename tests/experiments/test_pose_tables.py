@@ -1,4 +1,5 @@
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib.resources import files
 
@@ -11,18 +12,14 @@ from click.testing import CliRunner
 
 from ransac_fix.cli.reproduce import command
 from ransac_fix.criterion import approximate_required_trials, required_trials
+from ransac_fix.errors import RansacFixError
+from ransac_fix.experiments.pose import engine
+from ransac_fix.experiments.pose.engine import Store, choose_pairs, run_problems
 from ransac_fix.experiments.pose.libraries import LIBRARIES
 from ransac_fix.experiments.pose.loaders import load_stereo_pair
+from ransac_fix.experiments.pose.runs import Case, RuleRun, Settings, run_case
 from ransac_fix.experiments.pose.stopping import first_stop
-from ransac_fix.experiments.pose.tables import (
-    PAPER,
-    Case,
-    RuleRun,
-    Settings,
-    run_case,
-    run_problems,
-    summarise,
-)
+from ransac_fix.experiments.pose.tables import PAPER, summarise
 from ransac_fix.report.pose import PoseDocument, pose_markdown, pose_text
 
 CONFIDENCE = 0.99
@@ -179,6 +176,82 @@ def test_results_do_not_depend_on_workers(pair, cases):
     for one, other in zip(before, again, strict=True):
         assert one.exact.error == other.exact.error
         assert one.exact.trials == other.exact.trials
+
+
+def test_finished_subsamples_are_not_run_again(pair, cases, tmp_path, monkeypatch):
+    settings = Settings("poselib", (20,), (0.9, 0.99), 3, CAP, 0)
+    store = Store(tmp_path / "kept")
+    ran = []
+    monkeypatch.setattr(engine, "run_case", lambda *args: (ran.append(args[2]), run_case(*args))[1])
+    first = run_problems([pair["pnp"]], settings, store=store)
+    assert ran == [0, 1, 2]
+    lines = store.path.read_text().split("\n")
+    # A kill in the middle of the last line, and an error that is infinite.
+    assert json.loads(lines[2])["cases"][0]["kind"] == "pnp"
+    store.path.write_text("\n".join(lines)[:-40])
+    seen = []
+    again = run_problems(
+        [pair["pnp"]],
+        settings,
+        store=store,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert ran == [0, 1, 2, 2]
+    assert seen == [(2, 3), (3, 3)]
+    assert again[:4] == first[:4]
+    assert [c.exact.trials for c in again] == [c.exact.trials for c in first]
+    assert run_problems([pair["pnp"]], settings, store=store) == again
+    assert len(ran) == 4
+
+
+def test_what_changes_a_result_is_not_taken_from_the_store(pair, tmp_path):
+    settings = Settings("poselib", (20,), (0.99,), 1, CAP, 0)
+    store = Store(tmp_path)
+    problem = pair["pnp"]
+    keys = {
+        store.key(problem, 20, 0, settings),
+        store.key(problem, 20, 1, settings),
+        store.key(problem, 21, 0, settings),
+        store.key(replace(problem, limit=1.0), 20, 0, settings),
+        store.key(replace(problem, first=problem.first + 1), 20, 0, settings),
+        store.key(problem, 20, 0, replace(settings, library="colmap")),
+        store.key(problem, 20, 0, replace(settings, cap=1)),
+        store.key(problem, 20, 0, replace(settings, seed=1)),
+        store.key(problem, 20, 0, replace(settings, confidences=(0.9,))),
+        store.key(problem, 20, 0, replace(settings, patched=nullcontext)),
+    }
+    assert len(keys) == 10
+    assert store.key(problem, 20, 0, replace(settings, repeats=9)) in keys
+
+
+def test_infinite_errors_are_kept(tmp_path):
+    store = Store(tmp_path)
+    cases = [made("a", (np.inf, 1.0))]
+    store.add("key", cases)
+    assert store.load() == {"key": cases}
+
+
+def test_a_folder_that_cannot_be_written_is_one_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RansacFixError, match="cannot be written"):
+        Store(tmp_path / "file").add("key", [made("a", (1.0, 1.0))])
+
+
+def test_pairs_are_chosen_by_the_seed_and_more_keep_fewer(pair):
+    problems = [
+        replace(pair[kind], dataset=dataset, name=f"{i}")
+        for dataset in ("a", "b")
+        for kind in ("essential", "fundamental")
+        for i in range(9)
+    ]
+    few, more = choose_pairs(problems, 3, 0), choose_pairs(problems, 5, 0)
+    assert len(few) == 12
+    assert len(more) == 20
+    assert {id(p) for p in few} < {id(p) for p in more}
+    names = {kind: {(p.dataset, p.name) for p in few if p.kind == kind} for kind in pair}
+    assert names["essential"] == names["fundamental"]
+    assert choose_pairs(problems, 3, 1) != few
+    assert choose_pairs(problems, 100, 0) == problems
 
 
 def made(name, errors, trials=(10, 20), dataset="d", unit="degrees", repeat=0):

@@ -44,14 +44,16 @@ def plain_ransac(instance, setup, rule, solve, distances):
     """RANSAC as a textbook has it: the loop the compiled one must agree with."""
     numbers = stream(int(instance.streams[0]))
     n, k = setup.n_samples, setup.sample_size
-    limit = 3 * instance.deviation
+    limit = {"distance": 3, "square": 3**0.5}[setup.limit]
     best, cost, held, done = 0, math.inf, None, 0
     while best < k or done < rule(best, n, k, setup.confidence):
         done += 1
         model = solve(instance.points[distinct(numbers, n, k)])
+        while model is None and setup.conics == "redrawn":
+            model = solve(instance.points[distinct(numbers, n, k)])
         if model is None:
             continue
-        d = distances(model, instance.points)
+        d = distances(model, instance.points) / instance.deviations
         count = int((d <= limit).sum())
         ties = {
             "first": math.inf,
@@ -104,10 +106,20 @@ def test_both_rules_on_lines_agree_with_the_textbook_loop(index, ties):
         )
 
 
-@pytest.mark.parametrize("ties", ["first", "inliers", "all"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"ties": "first"},
+        {"ties": "inliers"},
+        {"ties": "all"},
+        {"conics": "redrawn"},
+        {"scope": "measurement", "noise": "deviation"},
+        {"limit": "square"},
+    ],
+)
 @pytest.mark.parametrize("index", range(2))
-def test_both_rules_on_ellipses_agree_with_the_textbook_loop(index, ties):
-    setup = replace(ELLIPSE, ties=ties)
+def test_both_rules_on_ellipses_agree_with_the_textbook_loop(index, changes):
+    setup = replace(ELLIPSE, **changes)
     instance = make_instance(setup, 2, index)
     trials, models = np.empty(2, np.int64), np.empty((2, 5))
     fit_both(setup, instance, trials, models)
@@ -239,12 +251,36 @@ def test_noise_is_what_was_asked_for(noise):
     power = {"determinant": 4, "variance": 2, "deviation": 1}[noise]
     setup = replace(LINE, noise=noise)
     instances = [make_instance(setup, 5, i) for i in range(2000)]
-    uniform = (np.array([instance.deviation for instance in instances]) ** power - 0.5) / 1.5
+    deviations = np.array([instance.deviations for instance in instances])
+    assert (deviations == deviations[:, :1]).all()
+    uniform = (deviations[:, 0] ** power - 0.5) / 1.5
     assert stats.kstest(uniform, "uniform").pvalue > 1e-6
     added = np.concatenate(
-        [(i.points[: len(i.truth)] - i.truth).ravel() / i.deviation for i in instances]
+        [(i.points[: len(i.truth)] - i.truth).ravel() / i.deviations[0] for i in instances]
     )
     assert stats.kstest(added, "norm").pvalue > 1e-6
+
+
+def test_each_measurement_can_have_its_own_noise():
+    setup = replace(LINE, noise="variance", scope="measurement")
+    instances = [make_instance(setup, 5, i) for i in range(200)]
+    uniform = (np.concatenate([i.deviations for i in instances]) ** 2 - 0.5) / 1.5
+    assert stats.kstest(uniform, "uniform").pvalue > 1e-6
+    added = np.concatenate(
+        [
+            ((i.points[: len(i.truth)] - i.truth) / i.deviations[: len(i.truth), None]).ravel()
+            for i in instances
+        ]
+    )
+    assert stats.kstest(added, "norm").pvalue > 1e-6
+
+
+def test_without_a_shape_all_measurements_are_outliers():
+    instances = [make_instance(replace(LINE, placement="absent"), 5, i) for i in range(200)]
+    uniform = np.concatenate([i.points.ravel() for i in instances]) / 200 + 0.5
+    assert stats.kstest(uniform, "uniform").pvalue > 1e-6
+    present = make_instance(LINE, 5, 0)
+    np.testing.assert_array_equal(instances[0].truth, present.truth)
 
 
 @pytest.mark.parametrize("shape", ["line", "ellipse"])

@@ -33,8 +33,8 @@ class Library:
 
     Parameters
     ----------
-    name : str
-        The system's name.
+    name, version : str
+        The system's name, and the installed version.
     run : callable
         Runs a problem for a number of trials on the random stream of a seed.
     bare : callable
@@ -47,6 +47,7 @@ class Library:
     """
 
     name: str
+    version: str
     run: Callable[[Problem, int, int], Estimate]
     bare: Callable[[Problem, float, int, int], Estimate]
     sample_size: dict[Kind, int]
@@ -229,9 +230,18 @@ def _failed(problem: Problem) -> Estimate:
 
 
 LIBRARIES = {
-    "poselib": Library("poselib", _poselib_run, _poselib_bare, SAMPLE_SIZE, _always),
-    "opencv": Library(
-        "opencv", _opencv_run, _opencv_bare, {**SAMPLE_SIZE, "pnp": 4}, _opencv_reaches
+    "poselib": Library(
+        "poselib", poselib.__version__, _poselib_run, _poselib_bare, SAMPLE_SIZE, _always
     ),
-    "colmap": Library("colmap", _pycolmap_run, _pycolmap_bare, SAMPLE_SIZE, _always),
+    "opencv": Library(
+        "opencv",
+        cv2.__version__,
+        _opencv_run,
+        _opencv_bare,
+        {**SAMPLE_SIZE, "pnp": 4},
+        _opencv_reaches,
+    ),
+    "colmap": Library(
+        "colmap", pycolmap.__version__, _pycolmap_run, _pycolmap_bare, SAMPLE_SIZE, _always
+    ),
 }

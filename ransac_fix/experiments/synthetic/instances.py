@@ -25,15 +25,15 @@ class Instance:
         Points of the shape.
     points : ndarray of shape (n_samples, 2)
         Measurements: the points with noise, then the outliers.
-    deviation : float
-        Standard deviation of the noise along each axis.
+    deviations : ndarray of shape (n_samples,)
+        Standard deviation of each measurement's noise along each axis.
     streams : tuple of uint64
         Seeds of two streams of samples.
     """
 
     truth: FloatArray
     points: FloatArray
-    deviation: float
+    deviations: FloatArray
     streams: tuple[np.uint64, np.uint64]
 
 
@@ -49,12 +49,16 @@ def make_instance(setup: Setup, seed: int, index: int) -> Instance:
         Not negative.
     """
     rng = np.random.default_rng([seed, _SHAPE_STREAM[setup.shape], setup.n_inliers, index])
-    deviation = rng.uniform(*NOISE_RANGE) ** _NOISE_POWER[setup.noise]
+    own = setup.n_samples if setup.scope == "measurement" else 1
+    deviations = np.empty(setup.n_samples)
+    deviations[:] = rng.uniform(*NOISE_RANGE, own) ** _NOISE_POWER[setup.noise]
     first, second = rng.integers(2**64, size=2, dtype=np.uint64)
     truth = _on_segment(rng, setup) if setup.shape == "line" else _on_ellipse(rng, setup)
-    noisy = truth + rng.normal(0.0, deviation, truth.shape)
+    noisy = truth + rng.normal(0.0, deviations[: len(truth), None], truth.shape)
     outliers = rng.uniform(-HALF_BOX, HALF_BOX, (setup.n_samples - setup.n_inliers, 2))
-    return Instance(truth, np.concatenate((noisy, outliers)), deviation, (first, second))
+    if setup.placement == "absent":
+        noisy = rng.uniform(-HALF_BOX, HALF_BOX, truth.shape)
+    return Instance(truth, np.concatenate((noisy, outliers)), deviations, (first, second))
 
 
 def _on_segment(rng: np.random.Generator, setup: Setup) -> FloatArray:
@@ -82,7 +86,7 @@ def _on_ellipse(rng: np.random.Generator, setup: Setup) -> FloatArray:
         angle = rng.uniform(0.0, math.pi)
         cosine, sine = math.cos(angle), math.sin(angle)
         reach = np.hypot((first * cosine, first * sine), (second * sine, second * cosine))
-        if setup.placement == "free" or np.all(np.abs(centre) + reach <= HALF_BOX):
+        if setup.placement != "whole" or np.all(np.abs(centre) + reach <= HALF_BOX):
             break
     around = rng.uniform(0.0, 2.0 * math.pi, setup.n_inliers)
     u, v = first * np.cos(around), second * np.sin(around)

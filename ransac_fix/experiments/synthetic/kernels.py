@@ -359,14 +359,15 @@ def fit_ellipses(
     exact_trials: IntArray,
     ties: int,
     sampson: bool,
+    redrawn: bool,
     trials: IntArray,
     models: FloatArray,
 ) -> int:
     """Run RANSAC for an ellipse under both rules.
 
     Parameters and result as in `fit_lines`, but for `sampson` (Sampson's first-order distance in
-    place of the geometric one decides who is an inlier) and `models` of shape (2, 5), as
-    `ellipse_through` fills them.
+    place of the geometric one decides who is an inlier), `redrawn` (a trial draws until its five
+    points lie on an ellipse) and `models` of shape (2, 5), as `ellipse_through` fills them.
     """
     n = x.size
     state = np.empty(1, np.uint64)
@@ -384,7 +385,11 @@ def fit_ellipses(
             models[0, :] = held
         done += 1
         draw_distinct(state, n, sample)
-        if not ellipse_through(x, y, sample, ellipse):
+        found = ellipse_through(x, y, sample, ellipse)
+        while redrawn and not found:
+            draw_distinct(state, n, sample)
+            found = ellipse_through(x, y, sample, ellipse)
+        if not found:
             continue
         tests += n
         to_beat = best if ties > 0 else best + 1

@@ -85,11 +85,12 @@ def _fit(
 ) -> int:
     approximate, exact = trial_tables(setup.n_samples, setup.sample_size, setup.confidence)
     x, y = np.ascontiguousarray(instance.points.T)
-    limit = np.full(setup.n_samples, WHITENED_LIMIT * instance.deviation)
+    limit = WHITENED_LIMIT[setup.limit] * instance.deviations
     common = (x, y, limit, stream, approximate, exact, _TIES[setup.ties])
     if setup.shape == "line":
         return kernels.fit_lines(*common, trials, models)
-    return kernels.fit_ellipses(*common, setup.distance == "sampson", trials, models)
+    sampson, redrawn = setup.distance == "sampson", setup.conics == "redrawn"
+    return kernels.fit_ellipses(*common, sampson, redrawn, trials, models)
 
 
 def gain(setup: Setup, instance: Instance, model: FloatArray) -> FloatArray:
@@ -98,7 +99,7 @@ def gain(setup: Setup, instance: Instance, model: FloatArray) -> FloatArray:
     distances = kernels.line_distances if setup.shape == "line" else kernels.ellipse_distances
     errors = distances(x, y, model)
     if setup.error == "whitened":
-        errors = errors / instance.deviation
+        errors = errors / instance.deviations[: len(errors)]
     return np.array([np.maximum(0.0, 1.0 - errors / t).mean() for t in THRESHOLDS])
 
 

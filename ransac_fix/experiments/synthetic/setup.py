@@ -1,12 +1,16 @@
 """What a synthetic experiment is made of, and the paper's numbers for it."""
 
+import math
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Literal
 
 Shape = Literal["line", "ellipse"]
 Noise = Literal["determinant", "variance", "deviation"]
-Placement = Literal["free", "whole"]
+Scope = Literal["instance", "measurement"]
+Placement = Literal["free", "whole", "absent"]
+Limit = Literal["distance", "square"]
+Conics = Literal["counted", "redrawn"]
 Ties = Literal["first", "inliers", "all"]
 Distance = Literal["geometric", "sampson"]
 Error = Literal["euclidean", "whitened"]
@@ -17,7 +21,9 @@ THRESHOLDS = (1.0, 2.0, 3.0)
 """The AUC's, in the unit of the box."""
 
 HALF_BOX = 100.0
-WHITENED_LIMIT = 3.0
+WHITENED_LIMIT = {"distance": 3.0, "square": math.sqrt(3.0)}
+"""Largest whitened distance of an inlier."""
+
 NOISE_RANGE = (0.5, 2.0)
 
 
@@ -34,13 +40,20 @@ class Setup:
     confidence : Fraction
         s.
     noise : "determinant", "variance" or "deviation"
-        What of the isotropic Gaussian noise is uniform in [0.5, 2], once an instance: the
-        determinant of its covariance (the deviation's fourth power), the variance, or the
-        standard deviation.
-    placement : "free" or "whole"
+        What of the isotropic Gaussian noise is uniform in [0.5, 2]: the determinant of its
+        covariance (the deviation's fourth power), the variance, or the standard deviation.
+    scope : "instance" or "measurement"
+        What has its own noise; outliers too have a covariance, which whitens their distances.
+    placement : "free", "whole" or "absent"
         A line segment between two uniform points of the box (free), or the whole chord through
         them (whole). An ellipse with a uniform centre, semi-axes uniform in [0, 100] and a
-        uniform direction (free), or the same drawn again until the box holds it whole.
+        uniform direction (free), or the same drawn again until the box holds it whole. Absent is
+        a control: as free, but all measurements are outliers.
+    limit : "distance" or "square"
+        Whether an inlier's whitened distance, or its square, is at most 3.
+    conics : "counted" or "redrawn"
+        Whether five points that lie on no ellipse are a trial without a model, or are replaced
+        by others within the trial.
     ties : "first", "inliers" or "all"
         Of two models with as many inliers the better is the first, the one with the smaller sum
         of squared whitened distances of its inliers (as in COLMAP, whose RANSAC is of the
@@ -60,7 +73,10 @@ class Setup:
     n_inliers: int
     confidence: Fraction = Fraction(99, 100)
     noise: Noise = "determinant"
+    scope: Scope = "instance"
     placement: Placement = "free"
+    limit: Limit = "distance"
+    conics: Conics = "counted"
     ties: Ties = "inliers"
     distance: Distance = "geometric"
     error: Error = "euclidean"

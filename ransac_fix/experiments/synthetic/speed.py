@@ -135,7 +135,7 @@ def _peer_seconds(setup: Setup, instance: Instance) -> float:
         instance.points,
         model,
         min_samples=setup.sample_size,
-        residual_threshold=WHITENED_LIMIT * instance.deviation,
+        residual_threshold=WHITENED_LIMIT[setup.limit] * float(instance.deviations[0]),
         max_trials=10**7,
         stop_probability=float(setup.confidence),
         rng=0,

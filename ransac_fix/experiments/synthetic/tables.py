@@ -79,10 +79,14 @@ def variants(shape: Shape) -> Iterator[tuple[str, dict[str, str]]]:
     yield placed, {"placement": "whole"}
     yield "noise: variance in [0.5, 2]", {"noise": "variance"}
     yield "noise: deviation in [0.5, 2]", {"noise": "deviation"}
+    yield "noise: drawn for each measurement", {"scope": "measurement"}
+    yield "inliers: squared whitened distance at most 3", {"limit": "square"}
     yield "AUC of whitened errors", {"error": "whitened"}
     yield "each rule on its own samples", {"streams": "own"}
     if shape == "ellipse":
         yield "inliers by Sampson's distance", {"distance": "sampson"}
+        yield "points on no ellipse: drawn again", {"conics": "redrawn"}
+    yield "control: outliers only", {"placement": "absent"}
 
 
 def with_changes(setup: Setup, changes: dict[str, str]) -> Setup:
