@@ -4,7 +4,7 @@ import math
 import sys
 
 import pytest
-from native_libraries import described
+from optional_libraries import described
 
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.laws import law_probability
@@ -14,7 +14,7 @@ from ransac_fix.audit.session import Options, audit
 
 @pytest.fixture(scope="module")
 def opengv():
-    yield from described("opengv", "libopengv-dev libeigen3-dev g++")
+    yield from described("opengv", "apt-get install libopengv-dev libeigen3-dev g++")
 
 
 @pytest.mark.parametrize(

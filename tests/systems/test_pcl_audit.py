@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from native_libraries import described
+from optional_libraries import described
 
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.laws import law_probability
@@ -13,7 +13,7 @@ from ransac_fix.audit.session import Options, _audit_entry_point
 
 @pytest.fixture(scope="module")
 def pcl():
-    yield from described("pcl", "libpcl-dev g++")
+    yield from described("pcl", "apt-get install libpcl-dev g++")
 
 
 @pytest.mark.parametrize(

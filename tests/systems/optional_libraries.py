@@ -1,4 +1,4 @@
-"""Libraries that no wheel brings: their tests run where they are installed, and always in CI."""
+"""Libraries beyond the test extra: tested where they are installed, and always in CI."""
 
 import os
 import sys
@@ -11,11 +11,11 @@ from ransac_fix.audit.session import probe_files
 NOT_IN_CI = "CI is set, and there everything must be installed that the tests measure"
 
 
-def described(system, packages):
+def described(system, how):
     """Yield a worker with the library, and its entry points by name; skip where it is missing."""
     with WorkerHost(probe_files()[system], sys.executable, 600) as host:
         answer = host.ask("describe")
-        missing = f"{system} is not installed: apt-get install {packages}"
+        missing = f"{system} is not installed: {how}"
         if answer["installed"]:
             reasons = [one.get("unmeasured", "") for one in answer["entry_points"]]
             missing = next((why for why in reasons if "install " in why), "")
