@@ -58,6 +58,11 @@ _EXIT_ERROR = 2
 @click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
 @click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
 @click.option(
+    "--python",
+    metavar="EXE",
+    help="The interpreter whose packages RFX101 asks about; this one by default.",
+)
+@click.option(
     "--fix-style",
     type=click.Choice(("self-contained", "import")),
     default="self-contained",
@@ -87,6 +92,7 @@ def command(
     fix: bool,
     diff: bool,
     unsafe_fixes: bool,
+    python: str | None,
     fix_style: "FixStyle",
     stdin_filename: str | None,
     no_cache: bool,
@@ -122,7 +128,12 @@ def command(
         name = stdin_filename or "<stdin>"
         contents[name] = sys.stdin.buffer.read()
         result = scan_text(
-            contents[name], name, select=selected, ignore=ignored, fix_style=fix_style
+            contents[name],
+            name,
+            select=selected,
+            ignore=ignored,
+            fix_style=fix_style,
+            python=python,
         )
     else:
         result = scan_paths(
@@ -136,6 +147,7 @@ def command(
             select=selected,
             ignore=ignored,
             fix_style=fix_style,
+            python=python,
         )
     if baseline is not None:
         from ransac_fix.scan.baseline import compare

@@ -53,6 +53,7 @@ def scan_paths(
     gate: bool = True,
     cache: Path | None = None,
     fix_style: FixStyle = "self-contained",
+    python: str | None = None,
 ) -> ScanResult:
     """Scan files and folders.
 
@@ -68,7 +69,7 @@ def scan_paths(
         gitignore patterns of what is left out below a named folder.
     select, ignore : sequence of str
         Rules to check and rules to leave out, by code or by the start of one; by default all are
-        checked.
+        checked whose findings depend on the file alone.
     gate : bool
         Whether files and definitions are set aside by their text alone. The findings are the same
         without, and take far longer.
@@ -76,6 +77,9 @@ def scan_paths(
         A file that remembers, by content, what was found to hold nothing.
     fix_style : {"self-contained", "import"}
         Whether fixes add a function to the file, or import this package's.
+    python : str, optional
+        The interpreter whose environment the files run in, for the rules that ask; this one by
+        default.
 
     Returns
     -------
@@ -88,7 +92,11 @@ def scan_paths(
         A path does not exist, a named file is in no language that is scanned, or there is no
         such rule.
     """
+    from ransac_fix.scan.rules import default_codes
+
     codes = _chosen(select, ignore)
+    if not set(codes) <= default_codes():
+        cache = None  # what is found depends on more than the file
     errors: list[ScanError] = []
     files = list(
         find_files(
@@ -100,7 +108,7 @@ def scan_paths(
     )
     findings: list[Finding] = []
     new: set[bytes] = set()
-    for batch in _scan_all(files, jobs, _Options(codes, gate, cache, fix_style)):
+    for batch in _scan_all(files, jobs, _Options(codes, gate, cache, fix_style, python)):
         findings += batch.findings
         errors += batch.errors
         new |= batch.empty
@@ -124,6 +132,7 @@ def scan_text(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     fix_style: FixStyle = "self-contained",
+    python: str | None = None,
 ) -> ScanResult:
     """Scan what is not in a file, such as standard input.
 
@@ -134,7 +143,7 @@ def scan_text(
     path : str
         The name of the file that it stands for, which says its language; it is not opened. Python
         where the name says none.
-    select, ignore, fix_style
+    select, ignore, fix_style, python
         As for :func:`scan_paths`.
 
     Raises
@@ -142,12 +151,14 @@ def scan_text(
     RansacFixError
         There is no such rule.
     """
-    from ransac_fix.scan.rules import find_rule
+    from ransac_fix.scan.rules import Settings, find_rule
     from ransac_fix.scan.scanner import scan_data
 
     rules = [find_rule(code) for code in _chosen(select, ignore)]
     language = LANGUAGES.get(Path(path).suffix.lower(), "python")
-    outcome = scan_data(data, SourceFile(path, language, named=True), rules, style=fix_style)
+    outcome = scan_data(
+        data, SourceFile(path, language, named=True), rules, settings=Settings(fix_style, python)
+    )
     kept = tuple(one for one in outcome.findings if one.suppression is None)
     suppressed = tuple(one for one in outcome.findings if one.suppression is not None)
     return ScanResult(kept, outcome.errors, 1, suppressed)
@@ -159,6 +170,7 @@ class _Options:
     gate: bool
     cache: Path | None
     fix_style: FixStyle
+    python: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +181,7 @@ class _Batch:
 
 
 def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
-    from ransac_fix.scan.rules import all_rules
+    from ransac_fix.scan.rules import all_rules, default_codes
 
     known = [rule.code for rule in all_rules()]
     for start in (*select, *ignore):
@@ -178,7 +190,8 @@ def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
     return tuple(
         code
         for code in known
-        if (not select or code.startswith(tuple(select))) and not code.startswith(tuple(ignore))
+        if (code.startswith(tuple(select)) if select else code in default_codes())
+        and not code.startswith(tuple(ignore))
     )
 
 
@@ -213,14 +226,20 @@ def _known(path: Path) -> frozenset[bytes]:
 
 
 def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
-    from ransac_fix.scan.rules import find_rule
+    from ransac_fix.scan.rules import Settings, find_rule
     from ransac_fix.scan.scanner import scan_file
 
     rules = [find_rule(code) for code in options.codes]
     known = None if options.cache is None else _known(options.cache)
     batch = _Batch([], [], set())
     for file in files:
-        outcome = scan_file(file, rules, gate=options.gate, known=known, style=options.fix_style)
+        outcome = scan_file(
+            file,
+            rules,
+            gate=options.gate,
+            known=known,
+            settings=Settings(options.fix_style, options.python),
+        )
         batch.findings.extend(outcome.findings)
         batch.errors.extend(outcome.errors)
         if outcome.digest is not None:

@@ -12,13 +12,20 @@ from dataclasses import dataclass, replace
 from ransac_fix.scan import evaluate, python, triage, words
 from ransac_fix.scan.cache import digest_of
 from ransac_fix.scan.files import SourceFile
-from ransac_fix.scan.findings import Cell, Finding, FixStyle, Location, Related, ScanError
+from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
 from ransac_fix.scan.form import Module
 from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
 from ransac_fix.scan.recogniser import recognise
 from ransac_fix.scan.repair import repair
-from ransac_fix.scan.rules import Rule, ScannedFile, all_rules, known_codes
+from ransac_fix.scan.rules import (
+    DEFAULTS,
+    Rule,
+    ScannedFile,
+    Settings,
+    default_codes,
+    default_rules,
+)
 from ransac_fix.scan.suppressions import (
     Comment,
     apply,
@@ -61,7 +68,7 @@ def scan_file(
     *,
     gate: bool = True,
     known: frozenset[bytes] | None = None,
-    style: FixStyle = "self-contained",
+    settings: Settings = DEFAULTS,
 ) -> FileResult:
     """Scan one file.
 
@@ -69,11 +76,11 @@ def scan_file(
     ----------
     file : SourceFile
     rules : sequence of Rule, optional
-        The rules to check; all by default.
+        The rules to check; those that are checked by default.
     gate : bool
         Whether files and definitions are set aside by their text alone.
-    style : {"self-contained", "import"}
-        Whether a fix adds a function to the file or imports this package's.
+    settings : Settings
+        What the user chose of fixes and of the environment.
     known : frozenset of bytes, optional
         Digests of what is known to hold nothing; without it nothing is remembered.
     """
@@ -82,7 +89,7 @@ def scan_file(
             data = stream.read(_MAX_BYTES + 1)
     except OSError as error:
         return FileResult(errors=(_error(file, f"cannot be read: {error.strerror or error}"),))
-    return scan_data(data, file, rules, gate=gate, known=known, style=style)
+    return scan_data(data, file, rules, gate=gate, known=known, settings=settings)
 
 
 def scan_data(
@@ -92,10 +99,10 @@ def scan_data(
     *,
     gate: bool = True,
     known: frozenset[bytes] | None = None,
-    style: FixStyle = "self-contained",
+    settings: Settings = DEFAULTS,
 ) -> FileResult:
     """Scan what a file holds; the parameters are those of :func:`scan_file`."""
-    chosen = all_rules() if rules is None else rules
+    chosen = default_rules() if rules is None else rules
     if len(data) > _MAX_BYTES:
         message = f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"
         return FileResult(errors=(_error(file, message),))
@@ -110,7 +117,7 @@ def scan_data(
         source = decode(data, file.language)
     except (SyntaxError, UnicodeDecodeError, LookupError) as error:
         return FileResult(errors=(_error(file, f"cannot be decoded: {error}"),))
-    findings, errors = scan_source(source, file, chosen, gate=gate, style=style)
+    findings, errors = scan_source(source, file, chosen, gate=gate, settings=settings)
     return FileResult(findings, errors, None if findings or errors else digest)
 
 
@@ -120,16 +127,16 @@ def scan_source(
     rules: Sequence[Rule] | None = None,
     *,
     gate: bool = True,
-    style: FixStyle = "self-contained",
+    settings: Settings = DEFAULTS,
 ) -> FileOutcome:
     """Scan text that is already in hand; ``file`` says what it is."""
-    chosen = all_rules() if rules is None else rules
+    chosen = default_rules() if rules is None else rules
     try:
         if file.language == "notebook":
-            return _scan_notebook(source, file, chosen, style)
+            return _scan_notebook(source, file, chosen, settings)
         if file.language == "c++":
             return _scan_cpp(source, file, chosen, gate=gate)
-        return _scan_python(source, file, chosen, gate=gate, style=style)
+        return _scan_python(source, file, chosen, gate=gate, settings=settings)
     except RecursionError:
         return (), (_error(file, "nested too deeply"),)
     except MemoryError:
@@ -174,7 +181,7 @@ def encoding_of(data: bytes, language: str = "python") -> str:
 
 
 def _scan_python(
-    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool, style: FixStyle
+    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool, settings: Settings
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
@@ -217,7 +224,7 @@ def _scan_python(
         whole=whole,
         comments=comments,
         language="python 2" if repaired else "python",
-        fix_style=style,
+        settings=settings,
     )
     if findings and not repaired:
         return _confirmed(source, file, findings)
@@ -233,7 +240,7 @@ def check(
     whole: Callable[[], Module] | None = None,
     comments: tuple[Comment, ...] = (),
     language: str = "python",
-    fix_style: FixStyle = "self-contained",
+    settings: Settings = DEFAULTS,
 ) -> list[Finding]:
     """Check one module in the small form.
 
@@ -244,12 +251,12 @@ def check(
     text : Text
     path : str
     rules : sequence of Rule, optional
-        The rules to check; all by default.
+        The rules to check; those that are checked by default.
     whole : callable, optional
         Gives the whole file, where ``module`` is a part of it.
     comments : tuple of Comment
         Its comments, where one could set a finding aside.
-    language, fix_style : str
+    language, settings
         As in :class:`~ransac_fix.scan.rules.ScannedFile`.
 
     Returns
@@ -258,13 +265,13 @@ def check(
         In order of place; those set aside have a ``suppression``.
     """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole, fix_style)
-    chosen = all_rules() if rules is None else rules
+    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole, settings)
+    chosen = default_rules() if rules is None else rules
     found = [finding for rule in chosen for finding in rule.check(scanned)]
     kept, suppressed, unused = apply(found, suppressions(comments))
     # A comment for a rule that was not checked may well be needed.
     codes = {rule.code for rule in chosen}
-    unused = [one for one in unused if codes.issuperset(one.codes or known_codes())]
+    unused = [one for one in unused if codes.issuperset(one.codes or default_codes())]
     for rule in chosen:
         kept += rule.check_unused(unused, scanned)
     return sorted((*kept, *suppressed), key=_order)
@@ -330,7 +337,7 @@ def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: boo
 
 
 def _scan_notebook(
-    source: str, file: SourceFile, rules: Sequence[Rule], style: FixStyle
+    source: str, file: SourceFile, rules: Sequence[Rule], settings: Settings
 ) -> FileOutcome:
     try:
         notebook = read_notebook(source)
@@ -343,7 +350,7 @@ def _scan_notebook(
     comments = tuple(python_comments(notebook.source))
     text = Text(notebook.source, [line.cell for line in notebook.lines])
     findings = check(
-        module, text, file.path, rules, comments=comments, language="notebook", fix_style=style
+        module, text, file.path, rules, comments=comments, language="notebook", settings=settings
     )
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 

@@ -16,6 +16,7 @@ from ransac_fix import all_inlier_probability
 from ransac_fix.cli import cli
 from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.fixes import apply_edits
+from ransac_fix.scan.rules import Settings
 from ransac_fix.scan.scanner import scan_source
 
 # Each defines trials(n_inliers, n_samples, sample_size, confidence).
@@ -347,7 +348,9 @@ def test_leaves_a_helper_alone_that_cannot_be_changed(source):
 
 def test_the_import_style_uses_this_package():
     source = SOURCE.replace("import math\n", "import math\nimport sys\n")
-    findings, _ = scan_source(source, SourceFile("ransac.py", "python", named=True), style="import")
+    findings, _ = scan_source(
+        source, SourceFile("ransac.py", "python", named=True), settings=Settings(fix_style="import")
+    )
     (finding,) = findings
     assert finding.fix is not None
     after = apply_edits(source, finding.fix.edits)

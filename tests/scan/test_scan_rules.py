@@ -19,7 +19,7 @@ def _id(value: object) -> str:
 
 
 def codes(source: str, path: str = "ransac.py") -> list[str]:
-    findings, errors = scan_source(source, SourceFile(path, "python", named=True))
+    findings, errors = scan_source(source, SourceFile(path, "python", named=True), RULES)
     assert not errors
     return [finding.code for finding in findings]
 

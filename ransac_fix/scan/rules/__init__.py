@@ -5,9 +5,19 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from ransac_fix.errors import RansacFixError
-from ransac_fix.scan.rules.base import Rule, ScannedFile, SiteRule
+from ransac_fix.scan.rules.base import DEFAULTS, Rule, ScannedFile, Settings, SiteRule
 
-__all__ = ["Rule", "ScannedFile", "SiteRule", "all_rules", "find_rule", "known_codes"]
+__all__ = [
+    "DEFAULTS",
+    "Rule",
+    "ScannedFile",
+    "Settings",
+    "SiteRule",
+    "all_rules",
+    "default_codes",
+    "default_rules",
+    "find_rule",
+]
 
 
 @cache
@@ -26,9 +36,15 @@ def all_rules() -> tuple[Rule, ...]:
 
 
 @cache
-def known_codes() -> frozenset[str]:
-    """Give the codes of all rules."""
-    return frozenset(rule.code for rule in all_rules())
+def default_rules() -> tuple[Rule, ...]:
+    """Give the rules that are checked where none is chosen."""
+    return tuple(rule for rule in all_rules() if rule.default)
+
+
+@cache
+def default_codes() -> frozenset[str]:
+    """Give the codes of these rules."""
+    return frozenset(rule.code for rule in default_rules())
 
 
 def find_rule(code: str) -> Rule:

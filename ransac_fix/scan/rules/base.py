@@ -18,6 +18,25 @@ from ransac_fix.scan.source import Source, source_of
 from ransac_fix.scan.suppressions import Comment, Suppression
 
 
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the user chose.
+
+    Attributes
+    ----------
+    fix_style : {"self-contained", "import"}
+        Whether a fix adds a function to the file or imports this package's.
+    python : str or None
+        The interpreter whose environment the files run in; this one by default.
+    """
+
+    fix_style: FixStyle = "self-contained"
+    python: str | None = None
+
+
+DEFAULTS = Settings()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ScannedFile:
     """One file as rules see it.
@@ -36,8 +55,7 @@ class ScannedFile:
         "python", "notebook", "c++", or "python 2" for what had to be repaired to be read.
     whole : callable or None
         Gives the whole file, where ``module`` is only the part that could hold a stopping rule.
-    fix_style : {"self-contained", "import"}
-        Whether a fix adds a function to the file or imports this package's.
+    settings : Settings
     """
 
     path: str
@@ -47,11 +65,11 @@ class ScannedFile:
     comments: tuple[Comment, ...] = ()
     language: str = "python"
     whole: Callable[[], Module] | None = None
-    fix_style: FixStyle = "self-contained"
+    settings: Settings = DEFAULTS
 
     def source(self) -> Source | str:
         """Give the file as fixes read it, or say why it cannot be fixed."""
-        return source_of(self.text, self.language, self.path, self.fix_style)
+        return source_of(self.text, self.language, self.path, self.settings.fix_style)
 
     def everything(self) -> Module:
         """Give the whole file in the small form; ``module`` may be the part that matters."""
@@ -79,6 +97,9 @@ class Rule(ABC):
 
     invalid: ClassVar[Mapping[str, str]]
     """Code that it must find, each under a sentence that says what is special about it."""
+
+    default: ClassVar[bool] = True
+    """Whether it is checked unless asked for; others depend on more than the file itself."""
 
     @abstractmethod
     def check(self, file: ScannedFile) -> Iterator[Finding]:
