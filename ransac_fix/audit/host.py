@@ -21,6 +21,8 @@ _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"
 )
 
+NO_ANSWER = "gave no answer within its time"
+
 
 class WorkerFailed(Exception):  # noqa: N818 -- what happened, in the words of a verdict
     """The worker gave no answer; the text says why, in one line."""
@@ -124,7 +126,7 @@ class WorkerHost:
         except queue.Empty:
             self._kill()
             seconds = time.monotonic() - started
-            raise WorkerFailed(f"gave no answer within its time ({seconds:.0f} s)") from None
+            raise WorkerFailed(f"{NO_ANSWER} ({seconds:.0f} s)") from None
         if not line:
             raise WorkerFailed(self._death())
         answer: dict[str, Any] = json.loads(line)

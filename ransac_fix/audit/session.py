@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -64,6 +65,8 @@ class Options:
         Where to state guarantees besides the standard problems; s None for the default.
     quick : bool
         Measure one entry point of each system only, the one users call most.
+    entry_points : tuple of str
+        Shell patterns: measure only the entry points whose name matches one; none for all.
     """
 
     systems: tuple[str, ...]
@@ -73,6 +76,7 @@ class Options:
     preparable: frozenset[str] = frozenset()
     problems: tuple[tuple[int, int, float | None], ...] = ()
     quick: bool = False
+    entry_points: tuple[str, ...] = ()
 
 
 def audit(options: Options, progress: Callable[[str], object] = lambda _: None) -> Report:
@@ -139,6 +143,31 @@ def audit_function(arguments: Sequence[str], options: Options) -> Report:
     return _report(job.verdicts(), controls, [], started)
 
 
+def audit_system(
+    system: str, options: Options, progress: Callable[[str], object] = lambda _: None
+) -> list[Verdict]:
+    """Measure one system, one entry point after another and without controls.
+
+    Parameters
+    ----------
+    system : str
+        A system with a probe.
+    options : Options
+        What to do.
+    progress : callable, optional
+        As in `audit`.
+
+    Returns
+    -------
+    list of Verdict
+        Empty where the system is not installed; one of entry point ``"-"`` where it could not be
+        imported.
+    """
+    job = _Job(system, probe_files()[system])
+    _Crew([job], options, progress).work()
+    return job.verdicts()
+
+
 def _report(
     verdicts: list[Verdict], controls: tuple[Control, ...], missing: list[str], started: float
 ) -> Report:
@@ -201,11 +230,24 @@ class _Job:
         self.waiting: deque[dict[str, Any]] = deque()
         self.done: dict[str, Verdict] = {}
 
-    def fill(self, described: dict[str, Any], quick: bool) -> None:
+    def fill(self, described: dict[str, Any], options: Options) -> None:
         """Take over what the first worker says of the system."""
         listed = described["entry_points"]
-        if quick:
+        if options.entry_points:
+            listed = [
+                one
+                for one in listed
+                if any(fnmatchcase(one["name"], pattern) for pattern in options.entry_points)
+            ]
+        if options.quick:
             listed = [one for one in listed if "unmeasured" not in one][:1] or listed[:1]
+        if not listed:
+            known = (
+                "none of the entry points asked for" if options.entry_points else "no entry point"
+            )
+            why = f"the probe finds {known} in this release"
+            version = described["version"]
+            self.done["-"] = Verdict(self.system, "-", version, "not measured", why)
         self.order = [one["name"] for one in listed]
         self.waiting.extend(listed)
 
@@ -267,7 +309,7 @@ class _Crew:
             return False
         with self._lock:
             if job.order is None:
-                job.fill(described, options.quick)
+                job.fill(described, options)
         while True:
             try:
                 one = job.waiting.popleft()

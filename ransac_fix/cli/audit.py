@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ransac_fix.audit.expectations import Expectation
-    from ransac_fix.audit.model import Report
+    from ransac_fix.audit.model import Control, Report, Verdict
+    from ransac_fix.audit.releases.matrix import MatrixOptions
 
 _EXIT_UNDERSAMPLES = 1
 _EXIT_UNMEASURED = 2
@@ -27,6 +30,40 @@ _EXIT_UNMEASURED = 2
     help="Measure the environment of this interpreter; ransac-fix need not be installed there.",
 )
 @click.option("--quick", is_flag=True, help="One entry point of each system.")
+@click.option(
+    "--entry-point",
+    "entry_points",
+    multiple=True,
+    metavar="PATTERN",
+    help="Only entry points that match this shell pattern, as in 'findHomography*'; repeatable.",
+)
+@click.option(
+    "--matrix",
+    multiple=True,
+    metavar="RELEASES",
+    help="Measure releases that are not installed, each in an environment of its own: "
+    "'kornia==0.8.2,0.9.0', 'kornia>=0.8' or 'kornia' for all; repeatable.",
+)
+@click.option(
+    "--bisect",
+    multiple=True,
+    metavar="RELEASES",
+    help="Find the releases where a verdict changes, in 'kornia' or 'kornia>=0.7'; repeatable.",
+)
+@click.option(
+    "--constraint",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A pip constraints file for these environments.",
+)
+@click.option("--pre", is_flag=True, help="Consider pre-releases, too.")
+@click.option(
+    "--cache-dir",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where to keep results, and environments while they are needed.",
+)
+@click.option(
+    "--keep-environments", is_flag=True, help="Leave these environments in the cache folder."
+)
 @click.option("--n", "n_samples", type=click.IntRange(min=2), help="Your number of measurements.")
 @click.option(
     "--inlier-ratio",
@@ -65,6 +102,13 @@ def command(
     patched: bool,
     python: str | None,
     quick: bool,
+    entry_points: tuple[str, ...],
+    matrix: tuple[str, ...],
+    bisect: tuple[str, ...],
+    constraint: Path | None,
+    pre: bool,
+    cache_dir: Path | None,
+    keep_environments: bool,
     n_samples: int | None,
     inlier_ratio: float | None,
     confidence: float | None,
@@ -77,12 +121,13 @@ def command(
 
     SYSTEM is a system, distribution or import name; none means every system that can be
     measured. Each library runs in a process of its own on small planted problems, and known
-    rules are measured in the same way alongside.
+    rules are measured in the same way alongside. --matrix and --bisect measure releases from the
+    package index in place of what is installed.
 
     Exit codes: 0 when nothing undersamples, 1 when something does, 2 when nothing could be
     measured or a known rule was not recognised.
     """
-    from importlib.metadata import entry_points
+    from importlib.metadata import entry_points as installed_entry_points
 
     from ransac_fix.audit.expectations import load_expectations
     from ransac_fix.audit.session import Options, audit
@@ -104,8 +149,31 @@ def command(
         problems=problems,
         quick=quick,
         prepare="ransac_fix.patching.audited:patch_for_audit" if patched else None,
-        preparable=frozenset(one.name for one in entry_points(group="ransac_fix.patches")),
+        preparable=frozenset(
+            one.name for one in installed_entry_points(group="ransac_fix.patches")
+        ),
+        entry_points=entry_points,
     )
+    if matrix or bisect:
+        if matrix and bisect:
+            raise click.UsageError("--matrix and --bisect are two different runs")
+        if systems or patched or expect or every_point:
+            what = "SYSTEM, --patched, --expect and --points are for the installed libraries"
+            raise click.UsageError(f"{what}: leave them out with --matrix and --bisect")
+        from ransac_fix.audit.releases.matrix import MatrixOptions
+        from ransac_fix.folders import cache_folder
+
+        how = MatrixOptions(
+            options,
+            (cache_dir or cache_folder()).resolve(),
+            constraint=constraint,
+            keep_environments=keep_environments,
+            pre=pre,
+        )
+        ctx.exit(_audit_releases(matrix, bisect, how, output_format))
+    if constraint or cache_dir or pre or keep_environments:
+        what = "--constraint, --cache-dir, --pre and --keep-environments"
+        raise click.UsageError(f"{what} belong to --matrix and --bisect")
     with _Progress() as progress:
         report = audit(options, progress.done)
     show(report, output_format, every_point=every_point)
@@ -137,13 +205,51 @@ def show(report: "Report", output_format: str, *, every_point: bool) -> None:
         print_verdicts(report, Console(highlight=False, markup=False), every_point=every_point)
 
 
+def _audit_releases(
+    matrix: tuple[str, ...], bisect: tuple[str, ...], how: "MatrixOptions", output_format: str
+) -> int:
+    """Measure releases, print what was found and return the exit code."""
+    from ransac_fix.audit.releases.matrix import find_changes, measure_releases, read_request
+
+    requests = [read_request(text) for text in matrix or bisect]
+    with _Progress() as progress:
+        measure = measure_releases if matrix else find_changes
+        report = measure(requests, how, progress.done)
+    if output_format == "markdown":
+        from ransac_fix.report.releases_markdown import releases_markdown
+
+        click.echo(releases_markdown(report))
+    elif output_format == "junit":
+        from ransac_fix.report.releases_junit import releases_junit
+
+        click.echo(releases_junit(report))
+    elif output_format == "json":
+        from ransac_fix.report.releases_json import releases_json
+
+        click.echo(releases_json(report))
+    else:
+        from rich.console import Console
+
+        from ransac_fix.report.releases_text import print_releases
+
+        print_releases(report, Console(highlight=False, markup=False))
+    if how.keep_environments:
+        click.echo(f"environments: {how.cache / 'environments'}", err=True)
+    verdicts = [verdict for release in report.releases for verdict in release.verdicts]
+    return _code(verdicts, report.controls)
+
+
 def exit_code(report: "Report") -> int:
     """Return 2 where a control failed or nothing was measured, 1 where something undersamples."""
-    if not all(control.passed for control in report.controls):
+    return _code(report.verdicts, report.controls)
+
+
+def _code(verdicts: "Sequence[Verdict]", controls: "Sequence[Control]") -> int:
+    if not all(control.passed for control in controls):
         return _EXIT_UNMEASURED
-    if all(verdict.verdict == "not measured" for verdict in report.verdicts):
+    if all(verdict.verdict == "not measured" for verdict in verdicts):
         return _EXIT_UNMEASURED
-    if any(verdict.verdict == "undersamples" for verdict in report.verdicts):
+    if any(verdict.verdict == "undersamples" for verdict in verdicts):
         return _EXIT_UNDERSAMPLES
     return 0
 

@@ -2,7 +2,7 @@
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from ransac_fix.audit.model import Judgement, Report
+from ransac_fix.audit.model import Control, Judgement, Report, Verdict
 
 _FAILURE: Judgement = "undersamples"
 
@@ -25,24 +25,34 @@ def verdicts_junit(report: Report) -> str:
         time=f"{report.seconds:.2f}",
     )
     for verdict in report.verdicts:
-        case = SubElement(
-            suite,
-            "testcase",
-            classname=verdict.system,
-            name=verdict.entry_point,
-            time=f"{verdict.seconds:.2f}",
-        )
-        if verdict.verdict == _FAILURE:
-            message = f"{verdict.verdict}: {verdict.reason}"
-            SubElement(case, "failure", message=message).text = verdict.advice
-        elif verdict.verdict == "not measured":
-            SubElement(case, "skipped", message=verdict.reason)
-        elif verdict.verdict != "exact":
-            SubElement(case, "system-out").text = f"{verdict.verdict}: {verdict.reason}"
+        verdict_case(suite, verdict)
     for control in report.controls:
-        case = SubElement(suite, "testcase", classname="control", name=control.name)
-        if not control.passed:
-            message = f"put in {control.expected}, found {control.identified}"
-            SubElement(case, "error", message=message)
+        control_case(suite, control)
     indent(suite)
     return tostring(suite, encoding="unicode", xml_declaration=True)
+
+
+def verdict_case(suite: Element, verdict: Verdict) -> None:
+    """Add one entry point to a test suite."""
+    case = SubElement(
+        suite,
+        "testcase",
+        classname=verdict.system,
+        name=verdict.entry_point,
+        time=f"{verdict.seconds:.2f}",
+    )
+    if verdict.verdict == _FAILURE:
+        message = f"{verdict.verdict}: {verdict.reason}"
+        SubElement(case, "failure", message=message).text = verdict.advice
+    elif verdict.verdict == "not measured":
+        SubElement(case, "skipped", message=verdict.reason)
+    elif verdict.verdict != "exact":
+        SubElement(case, "system-out").text = f"{verdict.verdict}: {verdict.reason}"
+
+
+def control_case(suite: Element, control: Control) -> None:
+    """Add one known law to a test suite."""
+    case = SubElement(suite, "testcase", classname="control", name=control.name)
+    if not control.passed:
+        message = f"put in {control.expected}, found {control.identified}"
+        SubElement(case, "error", message=message)

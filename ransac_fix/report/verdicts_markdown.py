@@ -2,7 +2,7 @@
 
 from ransac_fix.audit.model import Report, Verdict
 
-_MARKS = {
+MARKS = {
     "exact": "✅",
     "undersamples": "❌",
     "oversamples": "⚠️",
@@ -23,9 +23,9 @@ def verdicts_markdown(report: Report) -> str:
     lines.append("")
     for verdict in report.verdicts:
         if verdict.verdict != "exact":
-            advice = f" {_escaped(verdict.advice)}" if verdict.advice else ""
+            advice = f" {escaped(verdict.advice)}" if verdict.advice else ""
             name = f"{verdict.system} {verdict.entry_point}"
-            lines.append(f"- **{_escaped(name)}**: {_escaped(verdict.reason)}.{advice}")
+            lines.append(f"- **{escaped(name)}**: {escaped(verdict.reason)}.{advice}")
     passed = sum(control.passed for control in report.controls)
     summary = (
         f"{passed} of {len(report.controls)} controls identified; {report.runs:,} library runs "
@@ -37,15 +37,16 @@ def verdicts_markdown(report: Report) -> str:
 def _row(verdict: Verdict) -> str:
     rule = f"`{verdict.stopping_law.formula}`" if verdict.stopping_law else ""
     cells = (
-        _escaped(f"{verdict.system} {verdict.version or ''}".rstrip()),
-        _escaped(verdict.entry_point),
-        f"{_MARKS[verdict.verdict]} {verdict.verdict}",
+        escaped(f"{verdict.system} {verdict.version or ''}".rstrip()),
+        escaped(verdict.entry_point),
+        f"{MARKS[verdict.verdict]} {verdict.verdict}",
         rule,
     )
     return f"| {' | '.join(cells)} |"
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """Return text in which nothing is Markdown."""
     for character in "\\`*_<>|[]":
         text = text.replace(character, f"\\{character}")
     return text

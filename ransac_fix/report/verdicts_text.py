@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-_STYLES = {
+STYLES = {
     "exact": "bold green",
     "undersamples": "bold red",
     "oversamples": "bold yellow",
     "other rule": "bold magenta",
     "not measured": "bold",
 }
-_WIDEST = 100
+WIDEST = 100
 _INDENT = 4
 
 _POINTS_LEGEND = (
@@ -49,7 +49,7 @@ def print_verdicts(report: Report, console: "Console", *, every_point: bool = Fa
     """
     from rich.text import Text
 
-    console.width = min(console.width, _WIDEST)
+    console.width = min(console.width, WIDEST)
     for system, verdicts in groupby(report.verdicts, key=lambda verdict: verdict.system):
         of_system = list(verdicts)
         version = next((v.version for v in of_system if v.version), "")
@@ -75,7 +75,7 @@ def _print_verdict(verdict: Verdict, console: "Console", every_point: bool) -> N
     from rich.text import Text
 
     head = Text("  ")
-    head.append(verdict.verdict, style=_STYLES[verdict.verdict])
+    head.append(verdict.verdict, style=STYLES[verdict.verdict])
     head.append(f"  {verdict.entry_point}")
     if verdict.stopping_law is not None:
         head.append(f"  {verdict.stopping_law.formula}")

@@ -7,12 +7,12 @@ the language, the rules checked and this package's own source, so a cache never 
 
 import hashlib
 import os
-import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 
+from ransac_fix.folders import cache_folder
 from ransac_fix.scan import words
 from ransac_fix.scan.files import SourceFile
 
@@ -22,11 +22,7 @@ _MOST = 2_000_000  # digests, 32 MB
 
 def default_cache() -> Path:
     """Give the file of the user's own cache."""
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "ransac-fix" / "scanned"
+    return cache_folder() / "scanned"
 
 
 @cache

@@ -1,0 +1,1 @@
+"""The audit of releases that are not installed: each in an environment of its own."""

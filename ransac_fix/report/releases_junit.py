@@ -1,0 +1,31 @@
+"""An audit of releases as JUnit XML: one test suite a release, one test case an entry point."""
+
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from ransac_fix.audit.releases.model import ReleaseReport
+from ransac_fix.report.verdicts_junit import control_case, verdict_case
+
+
+def releases_junit(report: ReleaseReport) -> str:
+    """Return the audit as JUnit test suites; see `verdicts_junit` for what fails."""
+    suites = Element("testsuites", name="ransac-fix audit", time=f"{report.seconds:.2f}")
+    for release in report.releases:
+        suite = SubElement(suites, "testsuite", name=f"{release.distribution} {release.version}")
+        for verdict in release.verdicts:
+            verdict_case(suite, verdict)
+        if not release.verdicts:
+            case = SubElement(suite, "testcase", classname=release.system, name="-")
+            SubElement(case, "skipped", message=release.unmeasured)
+        _count(suite)
+    controls = SubElement(suites, "testsuite", name="controls")
+    for control in report.controls:
+        control_case(controls, control)
+    _count(controls)
+    indent(suites)
+    return tostring(suites, encoding="unicode", xml_declaration=True)
+
+
+def _count(suite: Element) -> None:
+    suite.set("tests", str(len(suite)))
+    for attribute, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(attribute, str(sum(case.find(tag) is not None for case in suite)))

@@ -1,0 +1,188 @@
+"""Releases that are not installed: real environments of a small library."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from small_releases import EXACT, LIBRARY, PROBE, write_releases
+
+from ransac_fix.audit import session
+from ransac_fix.audit.model import Control, Verdict
+from ransac_fix.audit.releases import matrix, packages
+from ransac_fix.audit.releases.matrix import (
+    Asked,
+    MatrixOptions,
+    find_changes,
+    measure_releases,
+)
+from ransac_fix.audit.releases.model import Change
+from ransac_fix.audit.session import Options
+from ransac_fix.errors import RansacFixError
+
+CONTROL = Control("exact", "a; distinct", "a; distinct", True, 100)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The index is a folder, the library is known, and the controls are those of other tests."""
+    folder = tmp_path_factory.mktemp("releases")
+    write_releases(folder)
+    probe = folder / "probe.py"
+    probe.write_text(PROBE, "utf-8")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("PIP_NO_INDEX", "1")
+        patched.setenv("PIP_FIND_LINKS", str(folder))
+        for module in (session, matrix):
+            patched.setattr(module, "probe_files", lambda: {"small": probe})
+        patched.setattr(matrix, "measure_controls", lambda options: (CONTROL,))
+        yield folder
+
+
+def options(cache, **changed):
+    return MatrixOptions(Options((), sys.executable), cache, **changed)
+
+
+ASKED = Asked("small", "smallransac", ("0.9", "1.0", "1.1", "1.2", "1.3", "2.0", "3.0"))
+
+
+@pytest.fixture(scope="module")
+def measured(small, tmp_path_factory):
+    cache = tmp_path_factory.mktemp("cache")
+    return cache, measure_releases([ASKED], options(cache))
+
+
+def test_each_release_is_measured_in_an_environment_of_its_own(measured):
+    _, report = measured
+    found = {one.version: one for one in report.releases}
+    assert list(found) == ["0.9", "1.0", "1.1", "1.2", "1.3", "2.0", "3.0"]
+    for version, assumed in (("1.0", "approximate"), ("1.1", "approximate"), ("2.0", "distinct")):
+        (of_one,) = found[version].verdicts
+        assert (of_one.version, of_one.stopping_law.assumed) == (version, assumed)
+        assert found[version].wheel == f"smallransac-{version}-py3-none-any.whl"
+        assert len(found[version].sha256) == 64
+    assert found["2.0"].dependencies == ("numpy==2.2.0",)
+    assert report.changes == (
+        Change("smallransac", "fit_line", "1.1", "2.0", "undersamples", "exact"),
+    )
+
+
+def test_an_old_numpy_is_used_only_where_nothing_works_without_and_said(measured):
+    _, report = measured
+    found = {one.version: one for one in report.releases}
+    assert found["1.0"].remark == found["2.0"].remark == ""
+    assert found["1.1"].dependencies == ("numpy==1.26.0",)
+    assert "numpy<2" in found["1.1"].remark
+    assert "compiled for NumPy 1" in found["1.1"].remark
+
+
+@pytest.mark.parametrize(
+    ("version", "reason"),
+    [
+        ("0.9", "has no wheel for CPython 3"),
+        ("1.2", "its dependency missing-package>=3 has no wheel"),
+        ("1.3", "ModuleNotFoundError: No module named 'missing_module'"),
+        ("3.0", "there is no such release"),
+    ],
+)
+def test_what_cannot_be_had_says_why_in_one_line(measured, version, reason):
+    _, report = measured
+    (found,) = (one for one in report.releases if one.version == version)
+    assert found.unmeasured.startswith(reason)
+    assert found.verdicts == ()
+    assert "\n" not in found.unmeasured
+
+
+def test_entry_points_are_chosen_by_pattern(small):
+    def audited(*patterns):
+        return session.audit_system("small", Options((), sys.executable, entry_points=patterns))
+
+    with pytest.MonkeyPatch.context() as patched:
+        # The library is found where the wheels are not unpacked: as it stands.
+        patched.setenv("PYTHONPATH", str(small))
+        (small / "smallransac.py").write_text(LIBRARY.format(guard="", probability=EXACT))
+        assert [one.entry_point for one in audited("other", "fit_*")] == ["fit_line"]
+        (none,) = audited("fit")
+    assert (none.entry_point, none.verdict) == ("-", "not measured")
+    assert none.reason == "the probe finds none of the entry points asked for in this release"
+
+
+def test_environments_are_deleted_and_results_kept(measured, monkeypatch):
+    cache, report = measured
+    assert [path.name for path in cache.iterdir()] == ["releases"]
+    assert len(list((cache / "releases").iterdir())) == 3
+
+    def not_again(*_):
+        raise AssertionError("measured twice")
+
+    monkeypatch.setattr(matrix, "audit_system", not_again)
+    asked = replace(ASKED, versions=("1.0", "1.1", "2.0"))
+    again = measure_releases([asked], options(cache))
+    assert again.releases == tuple(one for one in report.releases if one.verdicts)
+
+
+def test_another_choice_is_another_result(measured, monkeypatch):
+    cache, _ = measured
+    asked = []
+
+    def audited(*given):
+        asked.append(given)
+        return [Verdict("small", "fit_line", "2.0", "exact", "why")]
+
+    monkeypatch.setattr(matrix, "audit_system", audited)
+    chosen = replace(options(cache), options=Options((), sys.executable, quick=True))
+    measure_releases([replace(ASKED, versions=("2.0",))], chosen)
+    assert len(asked) == 1
+
+
+def test_environments_can_be_kept(measured, small, monkeypatch, tmp_path):
+    monkeypatch.setattr(
+        matrix, "audit_system", lambda *_: [Verdict("small", "fit_line", "2.0", "exact", "why")]
+    )
+    asked = replace(ASKED, versions=("2.0",))
+    measure_releases([asked], options(tmp_path, keep_environments=True))
+    kept = tmp_path / "environments" / "smallransac-2.0"
+    assert (kept / "release" / "smallransac.py").exists()
+    assert list((tmp_path / "environments" / "shared").iterdir())
+
+
+def test_releases_are_listed_without_pre_releases(small, tmp_path):
+    found = packages.Packages(sys.executable)
+    assert found.versions("smallransac") == ["1.0", "1.1", "1.2", "1.3", "2.0"]
+    assert found.versions("smallransac", pre=True)[-1] == "2.1rc1"
+    with pytest.raises(RansacFixError, match="the index has nothing for CPython 3"):
+        found.versions("no-such-distribution")
+
+
+def test_a_constraint_is_obeyed(small, tmp_path):
+    constraint = tmp_path / "constraints.txt"
+    constraint.write_text("numpy<2\n", "utf-8")
+    found = packages.Packages(sys.executable, constraint).resolve(["smallransac==2.0", "numpy"])
+    assert [(one.name, one.version) for one in found] == [
+        ("smallransac", "2.0"),
+        ("numpy", "1.26.0"),
+    ]
+
+
+def test_bisection_of_a_real_history(measured):
+    cache, _ = measured
+    asked = replace(ASKED, versions=("1.0", "1.1", "2.0"))
+    report = find_changes([asked], options(cache))
+    assert [one.after for one in report.changes] == ["2.0"]
+    assert report.not_tried == ()
+
+
+@pytest.mark.parametrize("version", ["25.3", None])
+def test_pip_must_be_there_and_new_enough(monkeypatch, version):
+    def installed(name):
+        if version is None:
+            raise packages.importlib.metadata.PackageNotFoundError(name)
+        return version
+
+    metadata = SimpleNamespace(
+        version=installed,
+        PackageNotFoundError=packages.importlib.metadata.PackageNotFoundError,
+    )
+    monkeypatch.setattr(packages.importlib, "metadata", metadata)
+    with pytest.raises(RansacFixError, match=r"pip install \"pip>=26\""):
+        packages.Packages(sys.executable)
