@@ -548,7 +548,14 @@ def _stands_for_log(expr: Expr) -> bool:
             return 0.1 < abs(value) < 60.0
         case Fn(name=name):
             return name.startswith("?log")
+        case Op(op="add" | "sub"):
+            # log(1-s) less what other samples have taken care of: SPRT
+            return any(_is_log(plain(term)) or _names_log(plain(term)) for _, term in terms(expr))
     return False
+
+
+def _names_log(expr: Expr) -> bool:
+    return isinstance(expr, Name | Fn) and _stands_for_log(expr)
 
 
 def log_arguments(expr: Expr) -> Iterator[Expr]:

@@ -123,6 +123,8 @@ class _Reader:
 
     def _one_statement(self, node: Node, out: list[Stmt]) -> None:
         match node.type:
+            case "compound_statement":
+                self._braces(node, out)
             case kind if kind in _BLOCKS:
                 for child in node.named_children:
                     self._statement(child, out)
@@ -198,6 +200,16 @@ class _Reader:
                 self._effect(node, out)
             case _:
                 pass
+
+    def _braces(self, node: Node, out: list[Stmt]) -> None:
+        inner = self._statements(node.named_children)
+        # Braces that always leave, with code behind them: the `if` before them was lost in a
+        # macro (`CHECK_START if (n < k) { return; }`).
+        behind = node.next_named_sibling is not None and _is_block(node.parent)
+        if behind and inner and isinstance(inner[-1], form.Leave):
+            out.append(form.If(form.Unknown(), tuple(inner), ()))
+        else:
+            out += inner
 
     def _for(self, node: Node, out: list[Stmt]) -> None:
         initializer = node.child_by_field_name("initializer")
@@ -613,6 +625,10 @@ def _number(text: str) -> float:
         return float(int(found[1], 16)) if found[1][:2] in ("0x", "0X") else float(found[1])
     except ValueError:
         return float("nan")
+
+
+def _is_block(node: Node | None) -> bool:
+    return node is not None and node.type in ("compound_statement", "ERROR", "translation_unit")
 
 
 def _is_break(stmt: Stmt) -> bool:

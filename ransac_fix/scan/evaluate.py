@@ -725,6 +725,11 @@ class _Evaluator:
             return self._unary(functions.UNARY[name], name, operands, module=module, span=span)
         if name in functions.BINARY and len(operands) >= 2:
             return self._binary(functions.BINARY[name], operands[:2], span)
+        if len(operands) == 2 and functions.is_power(name):
+            return self._op("pow", operands, span)
+        fixed = functions.fixed_power(name)
+        if fixed is not None and len(operands) == 1:
+            return self._op("pow", (operands[0], Num(fixed)), span)
         if name in ("pmf", "sf", "cdf", "logpmf") and _is_hypergeom(base):
             return self._fn("hypergeom", operands, span)
         if name in functions.COUNTS:
@@ -771,6 +776,8 @@ class _Evaluator:
             for item in inner.items[1:]:
                 result = self._op("mul", (result, item), span)
             return result
+        body: Expr
+        count: Expr | None
         repeated = _repeated(inner)
         if repeated is not None:
             body, loop, count = repeated[0], "", repeated[1]

@@ -5,6 +5,8 @@ meaning, so what counts is the last part of a name. A function of the scanned fi
 name is followed instead, if its body can be.
 """
 
+import re
+
 # Functions of one argument, written f(x) or x.f(). "same" leaves the value alone for the
 # recogniser's purposes: casts, rounding, containers, moves between devices.
 UNARY: dict[str, str] = {
@@ -123,6 +125,25 @@ BINARY: dict[str, str] = {
     ),
     **dict.fromkeys(("perm", "nPr", "npr", "falling_factorial", "poch"), "comb"),
 }
+
+# Power functions that libraries write for themselves: fastpow, int_pow, powInt, pow_n, mypow.
+_OWN_POWER = re.compile(
+    r"(?:fast|quick|my|int|integer|safe|const|static|gpu|cuda)?_?pow(?:er)?"
+    r"(?:_?(?:fast|int|integer|i|u|n|f|d|k|int32|uint|scalar))?_?",
+    re.IGNORECASE,
+)
+_OWN_FIXED = {"cube": 3.0, "cubed": 3.0, "pow3": 3.0, "pow4": 4.0, "pow5": 5.0, "squared": 2.0}
+
+
+def is_power(name: str) -> bool:
+    """Whether a function of two arguments is a power by its name."""
+    return _OWN_POWER.fullmatch(name) is not None
+
+
+def fixed_power(name: str) -> float | None:
+    """Give the power that a function of one argument takes by its name."""
+    return _OWN_FIXED.get(name)
+
 
 # Bounds on a value: clip(x, low, high), x.clamp(min=low), max(x, low).
 CLAMPS = frozenset(

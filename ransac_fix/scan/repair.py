@@ -1,7 +1,8 @@
 """Make source that is almost Python 3 parse: IPython magics and Python 2 statements.
 
-Only what keeps every other token on its line and column is changed, so that places found in the
-repaired text are places of the original. What cannot be repaired stays as it is.
+Only what keeps every other token on its line and column is changed (but for tabs mixed with
+spaces, which move columns), so that places found in the repaired text are places of the original.
+What cannot be repaired stays as it is.
 """
 
 import ast
@@ -44,7 +45,7 @@ def repair(source: str) -> str | None:
     lines = [_magic(line) for line in split_lines(source)]
     if _error_line(lines) is None:
         return "\n".join(lines)
-    lines = [_expand(_python2(line)) for line in lines]
+    lines = _expanded([_python2(line) for line in lines])
     for _ in range(_ATTEMPTS):
         number = _error_line(lines)
         if number is None:
@@ -111,8 +112,10 @@ def _odd(line: str) -> str:
     return line
 
 
-def _expand(line: str) -> str:
-    """Write leading tabs as Python 2 counted them, to the next multiple of eight."""
-    body = line.lstrip(" \t")
-    lead = line[: len(line) - len(body)]
-    return lead.expandtabs(8) + body if "\t" in lead and " " in lead else line
+def _expanded(lines: list[str]) -> list[str]:
+    """Write leading tabs as Python 2 counted them, to the next multiple of eight, where mixed."""
+    leads = [line[: len(line) - len(line.lstrip(" \t"))] for line in lines]
+    tabs, spaces = any("\t" in lead for lead in leads), any(" " in lead for lead in leads)
+    if not (tabs and spaces):
+        return lines
+    return [lead.expandtabs(8) + line[len(lead) :] for lead, line in zip(leads, lines, strict=True)]

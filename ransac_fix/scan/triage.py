@@ -23,7 +23,7 @@ _LOG_ALIAS = re.compile(
 )
 _LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
 _POWER_SIGN = re.compile(r"[\w)\]}]\s*\*\*")  # not f(**options)
-_POWER_WORDS = ("pow", "Pow", "square", "prod(", "exp(")
+_POWER_WORDS = ("pow", "Pow", "POW", "square", "cube", "prod(", "exp(")
 _DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
 _COMPARE = re.compile(r"[<>]")
 _CALL = re.compile(r"(\w+)\s*\(")

@@ -19,6 +19,44 @@ def kinds(source: str) -> list[str]:
 
 
 APPROXIMATE = {
+    "behind a macro that hides an if": """
+bool Robust(const Options& o, Result& results) {
+  START_OF_CHECKED_CODE
+
+  if (o.n < o.k)
+  {
+    results.clear();
+    return false;
+  }
+
+  double q = 1 - pow(results.inlier_ratio, static_cast<double>(2.0 /* sample size */));
+  results.trials = static_cast<unsigned int>(round(log(1 - o.confidence) / log(q)));
+}
+""",
+    "a power function of one's own": """
+int Trials(double w, int k, double s) {
+  double p = math::fastpow(w, k);
+  return static_cast<int>(std::log(1.0 - s) / std::log(1.0 - p));
+}
+""",
+    "a default of a member": """
+struct Ransac {
+  double confidence, outliers;
+  int n = 2;
+  unsigned trials = log(1 - confidence) / log(1 - pow(1 - outliers, n));
+};
+""",
+    "a macro for the logarithm of the failure": """
+#define LOG_ETA_0 log(0.05)
+unsigned Bound(int inliers) {
+  double p = pow((double)inliers / n, k), log_eta = 0;
+  for (unsigned i = 0; i < tests; i++)
+    log_eta += log(1 - p * (1 - pow(A[i], -h))) * counts[i];
+  double top = LOG_ETA_0 - log_eta;
+  double bottom = log(1 - p * (1 - 1 / A[tests]));
+  return top / bottom;
+}
+""",
     "plain": """
 int Trials(double w, int k, double s) {
   return static_cast<int>(std::ceil(std::log(1.0 - s) / std::log(1.0 - std::pow(w, k))));

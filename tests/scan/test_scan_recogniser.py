@@ -37,6 +37,13 @@ APPROXIMATE = {
     "outliers": "(1 - e) ** k",
     "outlier count": "((n - I) / n) ** k",
     "square": "np.square(w)",
+    "cube": "cube(w)",
+    "a power function of one's own": "fastpow(w, k)",
+    "another": "int_pow(w, k)",
+    "numpy under another name": "np.core.power(w, k)",
+    "tensor power": "torch.pow(torch.tensor(w), k)",
+    "jax": "jnp.power(w, k)",
+    "chosen exponent": "w ** (3 if k else 4)",
     "written out": "w * w * w",
     "written out ratio": "(I / n) * (I / n)",
     "counts written out": "I * I * I / (n * n * n)",
@@ -123,6 +130,25 @@ def test_reads_a_falling_numerator_over_a_power_as_replacement():
 
 
 WHOLE = {
+    "base named": "def f(w, k, s):\n    base = 1 - w**k\n    return log(1 - s, base)",
+    "difference of logarithms": (
+        "def f(w, k, s, log_eta, A):\n"
+        "    return (log(1 - s) - log_eta) / log(1 - w**k * (1 - 1 / A))"
+    ),
+    "negated power, then a sum": (
+        "def f(e, k, s):\n    minus = -exp(k * log(1.0 - e))\n    d = log(1.0 + minus)\n"
+        "    return log(1.0 - s) / d"
+    ),
+    "multiplied in a loop that counts down": (
+        "def f(w, k, s):\n    p = w * w\n    while k > 2:\n        p *= w\n        k -= 1\n"
+        "    return log(1 - s) / log(1 - p)"
+    ),
+    "a name that is a function elsewhere": (
+        "def f(w, k, s):\n    log1p = log(1 - s)\n    return int(log1p / log(1 - w**k))"
+    ),
+    "the confidence shadowed": (
+        "def f(w, k):\n    p = 1 - w**k\n    p = max(1e-16, p)\n    return log(1 - p) / log(p)"
+    ),
     "log1p": "def f(w, k, s): return log1p(-s) / log1p(-w**k)",
     "log10": "def f(w, k, s): return log10(1 - s) / log10(1 - w**k)",
     "log2": "def f(w, k, s): return np.log2(1 - s) / np.log2(1 - w**k)",

@@ -118,6 +118,16 @@ def test_python_2_is_read():
     assert finding.fix is None
 
 
+def test_python_2_with_tabs_among_spaces_is_read():
+    source = (
+        "import math\ndef ransac(w, k, s):\n\tfor i in range(3):\n\t\tprint i\n"
+        "        N = math.log(1 - s) / math.log(1 - w**k)\n        return N\n"
+    )
+    (finding,), errors = scan_source(source, PYTHON)
+    assert not errors
+    assert finding.location.start_line == 5
+
+
 def test_what_is_repaired_keeps_its_lines():
     text = repair(PYTHON2)
     assert text is not None
