@@ -113,7 +113,7 @@ def _odd(line: str) -> str:
 
 
 def _expanded(lines: list[str]) -> list[str]:
-    """Write leading tabs as Python 2 counted them, to the next multiple of eight, where mixed."""
+    """Write mixed leading tabs as Python 2 counted them, to the next multiple of eight."""
     leads = [line[: len(line) - len(line.lstrip(" \t"))] for line in lines]
     tabs, spaces = any("\t" in lead for lead in leads), any(" " in lead for lead in leads)
     if not (tabs and spaces):
