@@ -1,6 +1,7 @@
 """``ransac-fix scan``: find stopping rules in source code."""
 
 import sys
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import click
@@ -11,7 +12,10 @@ if TYPE_CHECKING:
     from ransac_fix.scan import FixStyle, ScanError, ScanResult
     from ransac_fix.scan.fixing import FixedFile
 
-_FORMATS = ("full", "concise", "json", "json-lines", "github", "sarif")
+_FORMATS = (
+    *("full", "concise", "json", "json-lines", "junit", "github", "gitlab", "sarif", "markdown"),
+    "html",
+)
 _EXIT_FINDINGS = 1
 _EXIT_ERROR = 2
 
@@ -113,6 +117,7 @@ def command(
     from dataclasses import replace
     from pathlib import Path
 
+    from ransac_fix.errors import RansacFixError
     from ransac_fix.scan import scan_paths, scan_text
     from ransac_fix.scan.cache import default_cache
     from ransac_fix.scan.configuration import Configuration, find_configuration
@@ -171,7 +176,10 @@ def command(
         )
     writers = _writers()
     for name, file in files:
-        Path(file).write_text(writers[name](result), encoding="utf-8")
+        try:
+            Path(file).write_text(writers[name](result), encoding="utf-8")
+        except OSError as error:
+            raise RansacFixError(f"cannot write {file}: {error.strerror or error}") from None
     # Standard output holds the fixed source where there is one.
     click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
     if any(error.named for error in result.errors):
@@ -235,13 +243,25 @@ def _format_and_file(text: str) -> tuple[str, str]:
 
 
 def _writers() -> "dict[str, Callable[[ScanResult], str]]":
-    from ransac_fix.report import findings_github, findings_json, findings_sarif, findings_text
+    # One module a format, and what it imports, only when it is written.
+    def writer(module: str, name: str) -> "Callable[[ScanResult], str]":
+        def write(result: "ScanResult") -> str:
+            function = getattr(import_module(f"ransac_fix.report.{module}"), name)
+            text = function(result)
+            assert isinstance(text, str)
+            return text
+
+        return write
 
     return {
-        "full": findings_text.findings_full,
-        "concise": findings_text.findings_concise,
-        "json": findings_json.findings_json,
-        "json-lines": findings_json.findings_json_lines,
-        "github": findings_github.findings_github,
-        "sarif": findings_sarif.findings_sarif,
+        "full": writer("findings_text", "findings_full"),
+        "concise": writer("findings_text", "findings_concise"),
+        "json": writer("findings_json", "findings_json"),
+        "json-lines": writer("findings_json", "findings_json_lines"),
+        "junit": writer("findings_junit", "findings_junit"),
+        "github": writer("findings_github", "findings_github"),
+        "gitlab": writer("findings_gitlab", "findings_gitlab"),
+        "sarif": writer("findings_sarif", "findings_sarif"),
+        "markdown": writer("findings_markdown", "findings_markdown"),
+        "html": writer("findings_html", "findings_html"),
     }

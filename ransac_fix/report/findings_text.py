@@ -29,7 +29,7 @@ def findings_full(result: ScanResult) -> str:
         ]
         if roles:
             lines.append(f"    {'; '.join(roles)}")
-        lines += [f"    {_place(one.location)}: {one.message}" for one in finding.related]
+        lines += [f"    {place(one.location)}: {one.message}" for one in finding.related]
         if finding.fix is not None:
             option = "--fix" if finding.fix.safe else "--fix --unsafe-fixes"
             lines.append(f"    {option}: {finding.fix.message}")
@@ -63,10 +63,11 @@ def _errors(result: ScanResult) -> Iterator[str]:
 
 
 def _headline(finding: Finding) -> str:
-    return f"{_place(finding.location)}: {finding.code} {finding.message} [{finding.certainty}]"
+    return f"{place(finding.location)}: {finding.code} {finding.message} [{finding.certainty}]"
 
 
-def _place(location: Location) -> str:
+def place(location: Location) -> str:
+    """Spell where something is: path, line and column, in a notebook path, cell and line."""
     if location.cell is not None:
         return f"{location.path}:cell {location.cell.index}:{location.cell.line}"
     return f"{location.path}:{location.start_line}:{location.start_column}"

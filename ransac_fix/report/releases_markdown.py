@@ -4,7 +4,8 @@ from itertools import groupby
 
 from ransac_fix.audit.releases.model import Release, ReleaseReport
 from ransac_fix.report.releases_text import change_line, summary_line
-from ransac_fix.report.verdicts_markdown import MARKS, escaped
+from ransac_fix.report.markdown import escaped
+from ransac_fix.report.verdicts_markdown import MARKS
 
 
 def releases_markdown(report: ReleaseReport) -> str:

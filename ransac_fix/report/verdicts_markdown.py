@@ -1,6 +1,7 @@
 """An audit as Markdown, for the summary of a CI step."""
 
 from ransac_fix.audit.model import Report, Verdict
+from ransac_fix.report.markdown import escaped
 
 MARKS = {
     "exact": "✅",
@@ -43,10 +44,3 @@ def _row(verdict: Verdict) -> str:
         rule,
     )
     return f"| {' | '.join(cells)} |"
-
-
-def escaped(text: str) -> str:
-    """Return text in which nothing is Markdown."""
-    for character in "\\`*_<>|[]":
-        text = text.replace(character, f"\\{character}")
-    return text

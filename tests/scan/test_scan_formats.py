@@ -1,12 +1,16 @@
-"""GitHub annotations and SARIF."""
+"""Every format that findings are written in."""
 
 import json
+import re
+from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from click.testing import CliRunner
 
 from ransac_fix.cli import cli
+from ransac_fix.errors import RansacFixError
 from ransac_fix.scan.rules import all_rules
 
 RULE = """import math
@@ -86,6 +90,115 @@ def test_more_formats_into_files(project):
     run(".", "--output", "sarif:out.sarif", "--output", "json:out.json")
     assert json.loads(Path("out.sarif").read_text())["version"] == "2.1.0"
     assert json.loads(Path("out.json").read_text())["schema_version"] == 1
+
+
+EVIL = """# ransac <script>alert(1)</script> |
+import math
+def trials(n_inliers, n, k, s):
+    return math.log(1 - s) / math.log(1 - ({name} / n) ** k)
+"""
+NAME = "n_inliers['<img src=x onerror=alert(1)>|`](x)\x01'.count('&')]"
+
+
+def evil(folder: Path) -> Path:
+    path = folder / "<b>&amp;|`x`.py"
+    path.write_text(EVIL.format(name=NAME.replace("\x01", "\\x01")))
+    return path
+
+
+def test_html_escapes_all_that_is_scanned(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = evil(tmp_path)
+    page = run(path.name, "--output-format", "html")
+    assert "<script>alert" not in page
+    assert "<img" not in page
+    assert "<b>" not in page
+    assert "&lt;img src=x onerror=alert(1)&gt;" in page
+    assert "&lt;b&gt;&amp;amp;|`x`.py" in page
+    assert "http" not in page.replace("http-equiv", "")  # nothing is fetched
+    # Well formed: every element that is opened is closed.
+    stack: list[str] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag, attrs):
+            if tag not in ("meta", "br"):
+                stack.append(tag)
+
+        def handle_endtag(self, tag):
+            assert stack.pop() == tag
+
+    Reader().feed(page)
+    assert not stack
+
+
+def test_html_tells_fixes_errors_and_what_was_set_aside(project):
+    page = run(".", "--output-format", "html")
+    assert "Unsafe fix: draw distinct samples, and use the probability" in page
+    assert "measured: it is 100% fine" in page
+    assert "Not read" in page
+    assert page.count("<article>") == 2
+    (project / "a b.py").unlink()
+    (project / "c.py").unlink()
+    assert "Nothing found" in run(".", "--output-format", "html", code=0)
+
+
+def test_junit(project):
+    suite = ElementTree.fromstring(run(".", "--output-format", "junit"))
+    assert (suite.get("tests"), suite.get("failures")) == ("3", "1")
+    assert (suite.get("errors"), suite.get("skipped")) == ("1", "1")
+    failed, skipped, error = suite
+    assert (failed.get("file"), failed.get("line"), failed.get("name")) == (
+        "a b.py",
+        "7",
+        "RFX003 line 7",
+    )
+    assert failed[0].tag == "failure"
+    assert skipped[0].get("message") == "measured: it is 100% fine"
+    assert error.get("file") == "broken.py"
+    for path in project.glob("*.py"):
+        path.unlink()
+    suite = ElementTree.fromstring(run(".", "--output-format", "junit", code=0))
+    assert (suite.get("tests"), suite.get("failures"), len(suite)) == ("1", "0", 1)
+
+
+def test_junit_holds_what_xml_cannot(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = evil(tmp_path)
+    path.write_text(EVIL.format(name=NAME))
+    ElementTree.fromstring(run(path.name, "--output-format", "junit"))
+
+
+def test_gitlab(project):
+    (entry,) = json.loads(run(str(project), "--output-format", "gitlab"))
+    assert entry["check_name"] == "RFX003"
+    assert entry["severity"] == "major"
+    assert entry["location"] == {"path": "a b.py", "lines": {"begin": 7, "end": 7}}
+    assert entry["fingerprint"]
+
+
+def test_markdown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = evil(tmp_path)
+    text = run(path.name, "--output-format", "markdown")
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    assert len(rows) == 3
+    assert all(len(re.findall(r"(?<!\\)\|", row)) == 6 for row in rows)
+    assert r"\<b\>&amp;\|\`x\`.py:4" in rows[2]
+
+
+@pytest.mark.parametrize("name", ["full", "concise", "json", "json-lines", "markdown", "html"])
+def test_a_clean_scan_can_be_written_in_every_format(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    assert run(".", "--output-format", name, code=0) or name == "json-lines"
+
+
+def test_a_file_that_cannot_be_written_is_an_error(project):
+    with pytest.raises(RansacFixError, match="cannot write no/such/file: No such file"):
+        CliRunner().invoke(
+            cli,
+            ["scan", "--jobs", "1", ".", "--output", "html:no/such/file"],
+            catch_exceptions=False,
+        )
 
 
 @pytest.mark.parametrize("value", ["sarif", "xml:out", "json:"])

@@ -1,0 +1,51 @@
+"""Findings as JUnit XML: one failed test case a finding, one passed where there is none."""
+
+import re
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from ransac_fix.report.findings_text import place
+from ransac_fix.scan import ScanResult
+
+# What XML 1.0 cannot hold, not even escaped.
+_FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def findings_junit(result: ScanResult) -> str:
+    """Return the scan as a test suite.
+
+    A finding is a failure, one set aside by a comment is skipped with its reason, and a file that
+    could not be read is an error.
+    """
+    total = len(result.findings) + len(result.suppressed) + len(result.errors)
+    suite = Element(
+        "testsuite",
+        name="ransac-fix scan",
+        tests=str(max(total, 1)),
+        failures=str(len(result.findings)),
+        errors=str(len(result.errors)),
+        skipped=str(len(result.suppressed)),
+    )
+    for finding in result.findings:
+        case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
+        failure = SubElement(case, "failure", message=_clean(finding.message))
+        failure.text = _clean(f"{place(finding.location)}\n{finding.expression}")
+    for finding in result.suppressed:
+        case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
+        SubElement(case, "skipped", message=_clean(finding.suppression or "no reason given"))
+    for error in result.errors:
+        case = _case(suite, error.path, error.code, error.line or 1)
+        SubElement(case, "error", message=_clean(error.message))
+    if not total:
+        SubElement(suite, "testcase", classname="ransac-fix", name="scan")
+    indent(suite)
+    return f"{tostring(suite, encoding='unicode', xml_declaration=True)}\n"
+
+
+def _case(suite: Element, path: str, code: str, line: int) -> Element:
+    path = _clean(path)
+    name = f"{code} line {line}"
+    return SubElement(suite, "testcase", classname=path, name=name, file=path, line=str(line))
+
+
+def _clean(text: str) -> str:
+    return _FORBIDDEN.sub("\ufffd", text)
