@@ -53,12 +53,18 @@ _EXIT_ERROR = 2
     help="Worker processes; by default one for each core.",
 )
 @click.option(
+    "--dask",
+    metavar="ADDRESS",
+    help="Scan on the workers of this dask scheduler, which need no access to the files.",
+)
+@click.option(
     "--baseline",
     type=click.Path(),
     metavar="FILE",
     help="Report only what this file does not know of (`ransac-fix baseline update` writes it).",
 )
 @click.option("--fix", is_flag=True, help="Write the safe fixes into the files.")
+@click.option("--exit-non-zero-on-fix", is_flag=True, help="Exit with 1 when --fix changed a file.")
 @click.option("--diff", is_flag=True, help="Show what --fix would write, and write nothing.")
 @click.option("--unsafe-fixes", is_flag=True, help="Let --fix and --diff take unsafe fixes too.")
 @click.option(
@@ -69,9 +75,8 @@ _EXIT_ERROR = 2
 @click.option(
     "--fix-style",
     type=click.Choice(("self-contained", "import")),
-    default="self-contained",
-    show_default=True,
-    help="Whether a fix adds a function to the file, or imports ransac_fix.",
+    default=None,
+    help="Whether a fix adds a function to the file (the default), or imports ransac_fix.",
 )
 @click.option(
     "--stdin-filename",
@@ -92,12 +97,14 @@ def command(
     respect_gitignore: bool | None,
     isolated: bool,
     jobs: int,
+    dask: str | None,
     baseline: str | None,
     fix: bool,
+    exit_non_zero_on_fix: bool,
     diff: bool,
     unsafe_fixes: bool,
     python: str | None,
-    fix_style: "FixStyle",
+    fix_style: "FixStyle | None",
     stdin_filename: str | None,
     no_cache: bool,
     exit_zero: bool,
@@ -117,6 +124,7 @@ def command(
     from dataclasses import replace
     from pathlib import Path
 
+    from ransac_fix.cli.progress import progress_bar
     from ransac_fix.errors import RansacFixError
     from ransac_fix.scan import scan_paths, scan_text
     from ransac_fix.scan.cache import default_cache
@@ -125,8 +133,10 @@ def command(
 
     files = [_format_and_file(one) for one in output]
     settings = Configuration() if isolated else find_configuration(paths)
+    fix_style = fix_style or settings.fix_style
     selected, ignored = _codes(select) or settings.select, _codes(ignore) or settings.ignore
     contents: dict[str, bytes] = {}
+    changed = False
     if "-" in paths:
         if paths != ("-",):
             raise click.UsageError("`-`, standard input, cannot be scanned beside files")
@@ -141,19 +151,22 @@ def command(
             python=python,
         )
     else:
-        result = scan_paths(
-            paths,
-            jobs=jobs,
-            cache=None if no_cache else default_cache(),
-            excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),
-            respect_gitignore=(
-                settings.respect_gitignore if respect_gitignore is None else respect_gitignore
-            ),
-            select=selected,
-            ignore=ignored,
-            fix_style=fix_style,
-            python=python,
-        )
+        if respect_gitignore is None:
+            respect_gitignore = settings.respect_gitignore
+        with progress_bar("scanning") as progress:
+            result = scan_paths(
+                paths,
+                jobs=jobs,
+                dask_scheduler=dask,
+                cache=None if no_cache else default_cache(),
+                excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude, *exclude),
+                respect_gitignore=respect_gitignore,
+                select=selected,
+                ignore=ignored,
+                fix_style=fix_style,
+                python=python,
+                progress=progress,
+            )
     if baseline is not None:
         from ransac_fix.scan.baseline import compare
 
@@ -169,6 +182,7 @@ def command(
             _report_errors(errors)
             ctx.exit(_EXIT_FINDINGS if fixed and not exit_zero else 0)
         done, unwritten = _write(fixed, contents)
+        changed = bool(done)
         result = replace(
             result,
             findings=tuple(one for one in result.findings if id(one) not in done),
@@ -184,7 +198,7 @@ def command(
     click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
     if any(error.named for error in result.errors):
         ctx.exit(_EXIT_ERROR)
-    if result.findings and not exit_zero:
+    if (result.findings and not exit_zero) or (changed and exit_non_zero_on_fix):
         ctx.exit(_EXIT_FINDINGS)
 
 

@@ -6,8 +6,8 @@ expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``),
 """
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -54,6 +54,8 @@ def scan_paths(
     cache: Path | None = None,
     fix_style: FixStyle = "self-contained",
     python: str | None = None,
+    dask_scheduler: str | None = None,
+    progress: Callable[[int, int], object] = lambda _done, _total: None,
 ) -> ScanResult:
     """Scan files and folders.
 
@@ -80,6 +82,11 @@ def scan_paths(
     python : str, optional
         The interpreter whose environment the files run in, for the rules that ask; this one by
         default.
+    dask_scheduler : str, optional
+        Address of a dask scheduler whose workers take the place of ``jobs``. Files are read here
+        and only those that could hold a rule are sent, so nothing needs to be shared.
+    progress : callable
+        Called with how many files are done, and how many there are.
 
     Returns
     -------
@@ -89,8 +96,8 @@ def scan_paths(
     Raises
     ------
     RansacFixError
-        A path does not exist, a named file is in no language that is scanned, or there is no
-        such rule.
+        A path does not exist, a named file is in no language that is scanned, there is no such
+        rule, or no such scheduler.
     """
     from ransac_fix.scan.rules import default_codes
 
@@ -108,7 +115,11 @@ def scan_paths(
     )
     findings: list[Finding] = []
     new: set[bytes] = set()
-    for batch in _scan_all(files, jobs, _Options(codes, gate, cache, fix_style, python)):
+    options = _Options(codes, gate, cache, fix_style, python)
+    done = 0
+    for batch in _scan_all(files, jobs, options, dask_scheduler):
+        done += batch.files
+        progress(done, len(files))
         findings += batch.findings
         errors += batch.errors
         new |= batch.empty
@@ -173,11 +184,12 @@ class _Options:
     python: str | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Batch:
-    findings: list[Finding]
-    errors: list[ScanError]
-    empty: set[bytes]
+    findings: list[Finding] = field(default_factory=list)
+    errors: list[ScanError] = field(default_factory=list)
+    empty: set[bytes] = field(default_factory=set)
+    files: int = 0
 
 
 def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
@@ -195,17 +207,68 @@ def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _scan_all(files: Sequence[SourceFile], jobs: int, options: _Options) -> Iterable[_Batch]:
-    if jobs == 1 or len(files) < _PARALLEL_FROM:
-        return [_scan_batch(files, options)]
-    import joblib
-
+def _scan_all(
+    files: Sequence[SourceFile], jobs: int, options: _Options, dask_scheduler: str | None
+) -> Iterator[_Batch]:
     size = max(_BATCH, len(files) // 64)
     batches = [files[start : start + size] for start in range(0, len(files), size)]
-    results: list[_Batch] = joblib.Parallel(n_jobs=jobs)(
-        joblib.delayed(_scan_batch)(batch, options) for batch in batches
-    )
-    return results
+    if dask_scheduler is None and (jobs == 1 or len(files) < _PARALLEL_FROM):
+        yield from (_scan_batch(batch, options) for batch in batches)
+        return
+    import joblib
+
+    from ransac_fix.scan.rules import default_codes
+    from ransac_fix.workers import workers
+
+    with workers(dask_scheduler):
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        if dask_scheduler is None:
+            yield from parallel(joblib.delayed(_scan_batch)(batch, options) for batch in batches)
+            return
+        if not set(options.codes) <= default_codes():
+            raise RansacFixError("RFX101 asks about this environment: leave it or --dask out")
+        options = replace(options, cache=None)
+        yield from parallel(
+            joblib.delayed(_scan_sent)(_read_batch(batch, options), options) for batch in batches
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """What is sent to another machine: the files that could matter, and what was wrong here."""
+
+    contents: list[tuple[SourceFile, bytes]]
+    errors: list[ScanError]
+    files: int
+
+
+def _read_batch(files: Sequence[SourceFile], options: _Options) -> _Sent:
+    from ransac_fix.scan.rules import find_rule
+    from ransac_fix.scan.scanner import is_gated, read_file
+
+    rules = [find_rule(code) for code in options.codes]
+    sent = _Sent([], [], len(files))
+    for file in files:
+        data = read_file(file)
+        if isinstance(data, ScanError):
+            sent.errors.append(data)
+        elif not (options.gate and is_gated(data, file, rules)):
+            sent.contents.append((file, data))
+    return sent
+
+
+def _scan_sent(sent: _Sent, options: _Options) -> _Batch:
+    from ransac_fix.scan.rules import Settings, find_rule
+    from ransac_fix.scan.scanner import scan_data
+
+    rules = [find_rule(code) for code in options.codes]
+    batch = _Batch(errors=list(sent.errors), files=sent.files)
+    for file, data in sent.contents:
+        settings = Settings(options.fix_style, options.python)
+        outcome = scan_data(data, file, rules, gate=options.gate, settings=settings)
+        batch.findings.extend(outcome.findings)
+        batch.errors.extend(outcome.errors)
+    return batch
 
 
 @lru_cache(maxsize=1)
@@ -231,7 +294,7 @@ def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
 
     rules = [find_rule(code) for code in options.codes]
     known = None if options.cache is None else _known(options.cache)
-    batch = _Batch([], [], set())
+    batch = _Batch(files=len(files))
     for file in files:
         outcome = scan_file(
             file,

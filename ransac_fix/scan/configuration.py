@@ -7,34 +7,64 @@ over it.
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from ransac_fix.errors import RansacFixError
+from ransac_fix.scan.findings import FixStyle
 
 
 class Configuration(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw_only=True
 ):
-    """What a project says about its scan.
+    """What a project says about its scan. The JSON schema is `report/schemas/configuration.json`.
 
     Attributes
     ----------
     select : tuple of str
-        Rules to check, by code or by the start of one; empty means all.
+        Rules to check, by code or by the start of one; empty means the default ones.
     ignore : tuple of str
         Rules to leave out, spelled likewise.
     extend_exclude : tuple of str
         gitignore patterns of what to leave out, besides the defaults.
     respect_gitignore : bool
         Whether ``.gitignore`` files hold.
+    fix_style : {"self-contained", "import"}
+        Whether fixes add a function to the file, or import this package's.
     """
 
-    select: tuple[str, ...] = ()
-    ignore: tuple[str, ...] = ()
-    extend_exclude: tuple[str, ...] = ()
-    respect_gitignore: bool = True
+    select: Annotated[
+        tuple[str, ...],
+        Meta(
+            description="Rules to check, by code or by the start of one; by default all but RFX101."
+        ),
+    ] = ()
+    ignore: Annotated[
+        tuple[str, ...], Meta(description="Rules to leave out, by code or by the start of one.")
+    ] = ()
+    extend_exclude: Annotated[
+        tuple[str, ...],
+        Meta(description="gitignore patterns of what to leave out, besides the defaults."),
+    ] = ()
+    respect_gitignore: Annotated[bool, Meta(description="Whether .gitignore files hold.")] = True
+    fix_style: Annotated[
+        FixStyle,
+        Meta(description="Whether fixes add a function to the file, or import ransac_fix."),
+    ] = "self-contained"
+
+
+def configuration_schema() -> dict[str, Any]:
+    """Return the JSON schema of ``[tool.ransac-fix]`` and of ransac-fix.toml."""
+    schema = msgspec.json.schema(Configuration)
+    own = schema["$defs"]["Configuration"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **own,
+        "title": "ransac-fix configuration",
+        "description": "[tool.ransac-fix] of pyproject.toml, or ransac-fix.toml",
+    }
 
 
 def find_configuration(paths: Sequence[str]) -> Configuration:

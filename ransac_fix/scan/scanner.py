@@ -62,6 +62,20 @@ class FileResult:
     digest: bytes | None = None
 
 
+def read_file(file: SourceFile) -> bytes | ScanError:
+    """Read a file, no more of it than is scanned."""
+    try:
+        with open(file.path, "rb") as stream:  # noqa: PTH123 -- ten thousand times a scan
+            return stream.read(_MAX_BYTES + 1)
+    except OSError as error:
+        return _error(file, f"cannot be read: {error.strerror or error}")
+
+
+def is_gated(data: bytes, file: SourceFile, rules: Sequence[Rule]) -> bool:
+    """Whether a file is set aside by its bytes alone."""
+    return not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, rules)
+
+
 def scan_file(
     file: SourceFile,
     rules: Sequence[Rule] | None = None,
@@ -84,11 +98,9 @@ def scan_file(
     known : frozenset of bytes, optional
         Digests of what is known to hold nothing; without it nothing is remembered.
     """
-    try:
-        with open(file.path, "rb") as stream:  # noqa: PTH123 -- ten thousand times a scan
-            data = stream.read(_MAX_BYTES + 1)
-    except OSError as error:
-        return FileResult(errors=(_error(file, f"cannot be read: {error.strerror or error}"),))
+    data = read_file(file)
+    if isinstance(data, ScanError):
+        return FileResult(errors=(data,))
     return scan_data(data, file, rules, gate=gate, known=known, settings=settings)
 
 
@@ -111,7 +123,7 @@ def scan_data(
         digest = digest_of(file, data, [rule.code for rule in chosen])
         if digest in known:
             return FileResult(digest=digest)
-    if gate and not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, chosen):
+    if gate and is_gated(data, file, chosen):
         return FileResult(digest=digest)
     try:
         source = decode(data, file.language)

@@ -3,8 +3,7 @@
 import hashlib
 import os
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from ransac_fix.errors import RansacFixError
 from ransac_fix.experiments.synthetic.runs import Runs, run_instances
 from ransac_fix.experiments.synthetic.setup import Setup
+from ransac_fix.workers import workers
 
 CHUNK = 500
 """Instances that one worker runs at a time."""
@@ -105,7 +105,7 @@ def run_setups(
     progress(done, total)
     missing = [chunk for chunk in chunks if chunk not in results]
     if missing:
-        with _backend(dask_scheduler):
+        with workers(dask_scheduler):
             parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
             tasks = (joblib.delayed(_run_chunk)(chunk) for chunk in missing)
             for chunk, runs in parallel(tasks):
@@ -121,23 +121,6 @@ def run_setups(
 
 def _run_chunk(chunk: _Chunk) -> tuple[_Chunk, Runs]:
     return chunk, run_instances(chunk.setup, chunk.seed, chunk.start, chunk.stop)
-
-
-@contextmanager
-def _backend(dask_scheduler: str | None) -> Iterator[None]:
-    if dask_scheduler is None:
-        yield
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise RansacFixError("--dask needs dask: pip install 'ransac-fix[dask]'") from None
-    try:
-        client = Client(dask_scheduler, timeout=20)
-    except (OSError, ValueError) as error:
-        raise RansacFixError(f"no dask scheduler at {dask_scheduler}: {error}") from None
-    with client, joblib.parallel_config(backend="dask"):
-        yield
 
 
 def _joined(parts: Sequence[Runs]) -> Runs:
