@@ -3,8 +3,8 @@
 from itertools import groupby
 
 from ransac_fix.audit.releases.model import Release, ReleaseReport
-from ransac_fix.report.releases_text import change_line, summary_line
 from ransac_fix.report.markdown import escaped
+from ransac_fix.report.releases_text import change_line, summary_line
 from ransac_fix.report.verdicts_markdown import MARKS
 
 
