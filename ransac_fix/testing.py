@@ -126,6 +126,7 @@ def assert_stopping_rule(
     >>> def test_my_ransac_stops_when_it_should():  # doctest: +SKIP
     ...     assert_stopping_rule(my_line_ransac, problem="line")
     """
+    __tracebackhide__ = True  # pytest shows the call and the message
     found = measure_stopping_rule(
         function, problem=problem, sample_size=sample_size, typical_trials=typical_trials
     )

@@ -3,9 +3,9 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from ransac_fix.audit.model import Judgement, Report, Verdict
+from ransac_fix.audit.model import JUDGEMENTS, Judgement, Report, Verdict
 from ransac_fix.errors import RansacFixError
 
 _KEYS = {"system", "entry_point", "verdict", "reason"}
@@ -38,18 +38,42 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
+class Unexpected:
+    """A verdict that was not expected.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        What was measured.
+    expected : str or None
+        The verdict expected; None where none was.
+    """
+
+    verdict: Verdict
+    expected: Judgement | None
+
+    @property
+    def what(self) -> str:
+        """The difference in words."""
+        if self.expected is None:
+            return f"{self.verdict.verdict}: {self.verdict.reason}"
+        return f"{self.verdict.verdict}, not {self.expected} as expected: {self.verdict.reason}"
+
+
+@dataclass(frozen=True, slots=True)
 class Surprises:
     """How an audit differs from what was expected.
 
     Parameters
     ----------
-    unexpected : tuple of Verdict
-        Verdicts that fail and that no expectation covers, or that differ from the one that does.
+    unexpected : tuple of Unexpected
+        Verdicts that fail and that no expectation covers, and those that differ from the one
+        that does, for the better or the worse.
     unmet : tuple of Expectation
         Expectations that covered nothing measured.
     """
 
-    unexpected: tuple[Verdict, ...]
+    unexpected: tuple[Unexpected, ...]
     unmet: tuple[Expectation, ...]
 
 
@@ -90,12 +114,16 @@ def _expectation(path: Path, number: int, table: Any) -> Expectation:
     if missing or unknown:
         wrong = [*(f"lacks {key}" for key in sorted(missing)), *(f"has {k}" for k in unknown)]
         raise RansacFixError(f"{where} {', '.join(wrong)}; its keys are {', '.join(sorted(_KEYS))}")
-    if table["verdict"] not in get_args(Judgement):
-        raise RansacFixError(f"{where}: verdict must be one of {', '.join(get_args(Judgement))}")
+    if table["verdict"] not in JUDGEMENTS:
+        raise RansacFixError(f"{where}: verdict must be one of {', '.join(JUDGEMENTS)}")
     return Expectation(**table)
 
 
-def compare(report: Report, expectations: tuple[Expectation, ...]) -> Surprises:
+def compare(
+    report: Report,
+    expectations: tuple[Expectation, ...],
+    fail_on: frozenset[Judgement] = frozenset({"undersamples"}),
+) -> Surprises:
     """Compare an audit with what was expected.
 
     An expectation for one entry point goes before one for all of its system.
@@ -106,6 +134,8 @@ def compare(report: Report, expectations: tuple[Expectation, ...]) -> Surprises:
         The audit.
     expectations : tuple of Expectation
         What was expected.
+    fail_on : frozenset of str, optional
+        The verdicts that fail where nothing is expected.
 
     Returns
     -------
@@ -117,11 +147,12 @@ def compare(report: Report, expectations: tuple[Expectation, ...]) -> Surprises:
     for verdict in report.verdicts:
         index = next((i for i in ordered if expectations[i].covers(verdict)), None)
         if index is None:
-            if verdict.verdict == "undersamples":
-                unexpected.append(verdict)
+            if verdict.verdict in fail_on:
+                unexpected.append(Unexpected(verdict, None))
             continue
         met.add(index)
-        if expectations[index].verdict != verdict.verdict:
-            unexpected.append(verdict)
+        expected = expectations[index].verdict
+        if expected != verdict.verdict:
+            unexpected.append(Unexpected(verdict, expected))
     unmet = tuple(one for index, one in enumerate(expectations) if index not in met)
     return Surprises(tuple(unexpected), unmet)

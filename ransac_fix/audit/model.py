@@ -1,11 +1,12 @@
 """What the audit reports: plain data, the model behind every output format."""
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 SCHEMA_VERSION: Literal[1] = 1
 
 Judgement: TypeAlias = Literal["exact", "undersamples", "oversamples", "other rule", "not measured"]
+JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
 
 Assumed: TypeAlias = Literal["approximate", "distinct", "replacement", "unknown"]
 """The probability a stopping rule assumes: (I/n)^k, or that of a way of drawing."""

@@ -100,7 +100,7 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
         If a name is unknown or its system has no probe.
     """
     started = time.monotonic()
-    jobs = [_Job(system, file) for system, file in _chosen(options.systems).items()]
+    jobs = [_Job(system, file) for system, file in chosen_probes(options.systems).items()]
     crew = _Crew(jobs, options, progress)
     with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
         controls_running = pool.submit(measure_controls, options)
@@ -197,7 +197,14 @@ def probe_files() -> dict[str, Path]:
     return dict(sorted(files.items(), key=lambda item: (order.get(item[0], 999), item[0])))
 
 
-def _chosen(names: Iterable[str]) -> dict[str, Path]:
+def chosen_probes(names: Iterable[str]) -> dict[str, Path]:
+    """Return the probes of these systems, or all of them if none is named.
+
+    Raises
+    ------
+    RansacFixError
+        If a name is unknown or its system has no probe.
+    """
     files = probe_files()
     if not names:
         return files

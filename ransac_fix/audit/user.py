@@ -69,7 +69,8 @@ def entry_point(
     if problem not in SAMPLE_SIZES:
         raise RansacFixError(f"unknown problem {problem!r}: use one of {', '.join(SAMPLE_SIZES)}")
     k = sample_size or SAMPLE_SIZES[problem]
-    title = str(name or getattr(function, "__qualname__", type(function).__name__))
+    qualified = str(getattr(function, "__qualname__", type(function).__name__))
+    title = name or qualified.rpartition("<locals>.")[2]
 
     def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         assert settings is not None

@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
+    from typing import TextIO
 
-    from ransac_fix.audit.expectations import Expectation
+    from rich.console import Console
+
+    from ransac_fix.audit.expectations import Surprises
     from ransac_fix.audit.model import Control, Report, Verdict
     from ransac_fix.audit.releases.matrix import MatrixOptions
+    from ransac_fix.audit.releases.model import ReleaseReport
 
+_FORMATS = ["text", "json", "markdown", "junit"]
 _EXIT_UNDERSAMPLES = 1
 _EXIT_UNMEASURED = 2
 
@@ -82,9 +87,15 @@ _EXIT_UNMEASURED = 2
 )
 @click.option(
     "--output-format",
-    type=click.Choice(["text", "json", "markdown", "junit"]),
+    type=click.Choice(_FORMATS),
     default="text",
     show_default=True,
+)
+@click.option(
+    "--output",
+    multiple=True,
+    metavar="FORMAT:FILE",
+    help="Write one more format into a file; as often as needed.",
 )
 @click.option("--points", "every_point", is_flag=True, help="Print every measured point.")
 @click.option(
@@ -114,6 +125,7 @@ def command(
     confidence: float | None,
     expect: Path | None,
     output_format: str,
+    output: tuple[str, ...],
     every_point: bool,
     timeout: float,
 ) -> None:
@@ -129,7 +141,7 @@ def command(
     """
     from importlib.metadata import entry_points as installed_entry_points
 
-    from ransac_fix.audit.expectations import load_expectations
+    from ransac_fix.audit.expectations import compare, load_expectations
     from ransac_fix.audit.session import Options, audit
 
     if patched and python:
@@ -138,6 +150,7 @@ def command(
         raise click.UsageError("--n and --inlier-ratio belong together")
     if confidence is not None and n_samples is None:
         raise click.UsageError("--confidence needs --n and --inlier-ratio")
+    outputs = [("", output_format), *map(_file_and_format, output)]
     problems: tuple[tuple[int, int, float | None], ...] = ()
     if n_samples is not None and inlier_ratio is not None:
         problems = ((n_samples, round(n_samples * inlier_ratio), confidence),)
@@ -170,43 +183,30 @@ def command(
             keep_environments=keep_environments,
             pre=pre,
         )
-        ctx.exit(_audit_releases(matrix, bisect, how, output_format))
+        ctx.exit(_audit_releases(matrix, bisect, how, outputs))
     if constraint or cache_dir or pre or keep_environments:
         what = "--constraint, --cache-dir, --pre and --keep-environments"
         raise click.UsageError(f"{what} belong to --matrix and --bisect")
     with _Progress() as progress:
         report = audit(options, progress.done)
-    show(report, output_format, every_point=every_point)
+    surprises = None if expectations is None else compare(report, expectations)
+    write(_verdict_writers(report, every_point, surprises), outputs)
     code = exit_code(report)
-    if expectations is not None and code != _EXIT_UNMEASURED:
-        code = _surprises(report, expectations)
+    if surprises is not None and code != _EXIT_UNMEASURED:
+        code = _complain(surprises)
     ctx.exit(code)
 
 
 def show(report: "Report", output_format: str, *, every_point: bool) -> None:
     """Print a report."""
-    if output_format == "markdown":
-        from ransac_fix.report.verdicts_markdown import verdicts_markdown
-
-        click.echo(verdicts_markdown(report))
-    elif output_format == "junit":
-        from ransac_fix.report.verdicts_junit import verdicts_junit
-
-        click.echo(verdicts_junit(report))
-    elif output_format == "json":
-        from ransac_fix.report.verdicts_json import verdicts_json
-
-        click.echo(verdicts_json(report))
-    else:
-        from rich.console import Console
-
-        from ransac_fix.report.verdicts_text import print_verdicts
-
-        print_verdicts(report, Console(highlight=False, markup=False), every_point=every_point)
+    write(_verdict_writers(report, every_point, None), [("", output_format)])
 
 
 def _audit_releases(
-    matrix: tuple[str, ...], bisect: tuple[str, ...], how: "MatrixOptions", output_format: str
+    matrix: tuple[str, ...],
+    bisect: tuple[str, ...],
+    how: "MatrixOptions",
+    outputs: list[tuple[str, str]],
 ) -> int:
     """Measure releases, print what was found and return the exit code."""
     from ransac_fix.audit.releases.matrix import find_changes, measure_releases, read_request
@@ -215,28 +215,78 @@ def _audit_releases(
     with _Progress() as progress:
         measure = measure_releases if matrix else find_changes
         report = measure(requests, how, progress.done)
-    if output_format == "markdown":
-        from ransac_fix.report.releases_markdown import releases_markdown
-
-        click.echo(releases_markdown(report))
-    elif output_format == "junit":
-        from ransac_fix.report.releases_junit import releases_junit
-
-        click.echo(releases_junit(report))
-    elif output_format == "json":
-        from ransac_fix.report.releases_json import releases_json
-
-        click.echo(releases_json(report))
-    else:
-        from rich.console import Console
-
-        from ransac_fix.report.releases_text import print_releases
-
-        print_releases(report, Console(highlight=False, markup=False))
+    write(_release_writers(report), outputs)
     if how.keep_environments:
         click.echo(f"environments: {how.cache / 'environments'}", err=True)
     verdicts = [verdict for release in report.releases for verdict in release.verdicts]
     return _code(verdicts, report.controls)
+
+
+def write(writers: "dict[str, Callable[[TextIO], None]]", outputs: list[tuple[str, str]]) -> None:
+    """Write a report in several formats.
+
+    Parameters
+    ----------
+    writers : dict
+        By format, what writes it to a stream.
+    outputs : list of (file, format)
+        Where to, and what; the standard output for no file.
+    """
+    for file, output_format in outputs:
+        if not file:
+            writers[output_format](sys.stdout)
+            continue
+        try:
+            with Path(file).open("w", encoding="utf-8") as stream:
+                writers[output_format](stream)
+        except OSError as error:
+            raise click.UsageError(f"--output: {file}: {error.strerror or error}") from None
+
+
+def _verdict_writers(
+    report: "Report", every_point: bool, surprises: "Surprises | None"
+) -> "dict[str, Callable[[TextIO], None]]":
+    from ransac_fix.report.verdicts_json import verdicts_json
+    from ransac_fix.report.verdicts_junit import verdicts_junit
+    from ransac_fix.report.verdicts_markdown import verdicts_markdown
+    from ransac_fix.report.verdicts_text import print_verdicts
+
+    return {
+        "text": lambda to: print_verdicts(report, _console(to), every_point=every_point),
+        "json": lambda to: click.echo(verdicts_json(report), to),
+        "markdown": lambda to: click.echo(verdicts_markdown(report, surprises), to),
+        "junit": lambda to: click.echo(verdicts_junit(report, surprises), to),
+    }
+
+
+def _release_writers(report: "ReleaseReport") -> "dict[str, Callable[[TextIO], None]]":
+    from ransac_fix.report.releases_json import releases_json
+    from ransac_fix.report.releases_junit import releases_junit
+    from ransac_fix.report.releases_markdown import releases_markdown
+    from ransac_fix.report.releases_text import print_releases
+
+    return {
+        "text": lambda to: print_releases(report, _console(to)),
+        "json": lambda to: click.echo(releases_json(report), to),
+        "markdown": lambda to: click.echo(releases_markdown(report), to),
+        "junit": lambda to: click.echo(releases_junit(report), to),
+    }
+
+
+def _console(stream: "TextIO") -> "Console":
+    from rich.console import Console
+
+    return Console(file=stream, highlight=False, markup=False)
+
+
+def _file_and_format(text: str) -> tuple[str, str]:
+    name, _, file = text.partition(":")
+    if name not in _FORMATS or not file:
+        raise click.BadParameter(
+            f"{text!r} is not FORMAT:FILE; the formats are {', '.join(_FORMATS)}",
+            param_hint="--output",
+        )
+    return file, name
 
 
 def exit_code(report: "Report") -> int:
@@ -254,16 +304,13 @@ def _code(verdicts: "Sequence[Verdict]", controls: "Sequence[Control]") -> int:
     return 0
 
 
-def _surprises(report: "Report", expectations: "tuple[Expectation, ...]") -> int:
+def _complain(surprises: "Surprises") -> int:
     """Name on stderr what differs from the expectations; return the exit code."""
-    from ransac_fix.audit.expectations import compare
-
-    surprises = compare(report, expectations)
-    for verdict in surprises.unexpected:
-        name = f"{verdict.system} {verdict.entry_point}"
-        click.echo(f"unexpected: {name}: {verdict.verdict}: {verdict.reason}", err=True)
-    for one in surprises.unmet:
-        line = f"expected but not seen: {one.system} {one.entry_point}: {one.verdict}"
+    for one in surprises.unexpected:
+        name = f"{one.verdict.system} {one.verdict.entry_point}"
+        click.echo(f"unexpected: {name}: {one.what}", err=True)
+    for unmet in surprises.unmet:
+        line = f"expected but not seen: {unmet.system} {unmet.entry_point}: {unmet.verdict}"
         click.echo(line, err=True)
     return _EXIT_UNDERSAMPLES if surprises.unexpected or surprises.unmet else 0
 

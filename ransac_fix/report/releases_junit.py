@@ -3,7 +3,7 @@
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ransac_fix.audit.releases.model import ReleaseReport
-from ransac_fix.report.verdicts_junit import control_case, verdict_case
+from ransac_fix.report.verdicts_junit import control_case, count_cases, verdict_case
 
 
 def releases_junit(report: ReleaseReport) -> str:
@@ -16,16 +16,10 @@ def releases_junit(report: ReleaseReport) -> str:
         if not release.verdicts:
             case = SubElement(suite, "testcase", classname=release.system, name="-")
             SubElement(case, "skipped", message=release.unmeasured)
-        _count(suite)
+        count_cases(suite)
     controls = SubElement(suites, "testsuite", name="controls")
     for control in report.controls:
         control_case(controls, control)
-    _count(controls)
+    count_cases(controls)
     indent(suites)
     return tostring(suites, encoding="unicode", xml_declaration=True)
-
-
-def _count(suite: Element) -> None:
-    suite.set("tests", str(len(suite)))
-    for attribute, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
-        suite.set(attribute, str(sum(case.find(tag) is not None for case in suite)))

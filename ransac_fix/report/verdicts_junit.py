@@ -2,38 +2,44 @@
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Control, Judgement, Report, Verdict
 
 _FAILURE: Judgement = "undersamples"
 
 
-def verdicts_junit(report: Report) -> str:
+def verdicts_junit(report: Report, surprises: Surprises | None = None) -> str:
     """Return the audit as a JUnit test suite.
 
-    What undersamples is a failure, what was not measured is skipped with its reason, and a
-    control that was not identified is an error.
+    What undersamples is a failure, or, where verdicts are expected, what differs from them. What
+    was not measured is skipped with its reason, and a control that was not identified is an
+    error.
     """
-    counts = [verdict.verdict for verdict in report.verdicts]
-    failed = [control for control in report.controls if not control.passed]
-    suite = Element(
-        "testsuite",
-        name="ransac-fix audit",
-        tests=str(len(counts) + len(report.controls)),
-        failures=str(counts.count(_FAILURE)),
-        errors=str(len(failed)),
-        skipped=str(counts.count("not measured")),
-        time=f"{report.seconds:.2f}",
-    )
-    for verdict in report.verdicts:
-        verdict_case(suite, verdict)
+    suite = Element("testsuite", name="ransac-fix audit", time=f"{report.seconds:.2f}")
+    if surprises is None:
+        for verdict in report.verdicts:
+            verdict_case(suite, verdict)
+    else:
+        unexpected = {id(one.verdict): one for one in surprises.unexpected}
+        for verdict in report.verdicts:
+            one = unexpected.get(id(verdict))
+            verdict_case(suite, verdict, failure=None if one is None else one.what)
+        for unmet in surprises.unmet:
+            case = SubElement(suite, "testcase", classname=unmet.system, name=unmet.entry_point)
+            message = f"expected but not seen: {unmet.verdict}"
+            SubElement(case, "failure", message=message).text = unmet.reason
     for control in report.controls:
         control_case(suite, control)
+    count_cases(suite)
     indent(suite)
     return tostring(suite, encoding="unicode", xml_declaration=True)
 
 
-def verdict_case(suite: Element, verdict: Verdict) -> None:
-    """Add one entry point to a test suite."""
+_JUDGED = "judged"
+
+
+def verdict_case(suite: Element, verdict: Verdict, failure: str | None = _JUDGED) -> None:
+    """Add one entry point to a test suite; what fails is what undersamples, unless it is said."""
     case = SubElement(
         suite,
         "testcase",
@@ -41,13 +47,15 @@ def verdict_case(suite: Element, verdict: Verdict) -> None:
         name=verdict.entry_point,
         time=f"{verdict.seconds:.2f}",
     )
-    if verdict.verdict == _FAILURE:
-        message = f"{verdict.verdict}: {verdict.reason}"
-        SubElement(case, "failure", message=message).text = verdict.advice
+    found = f"{verdict.verdict}: {verdict.reason}"
+    if failure is _JUDGED:
+        failure = found if verdict.verdict == _FAILURE else None
+    if failure is not None:
+        SubElement(case, "failure", message=failure).text = verdict.advice
     elif verdict.verdict == "not measured":
         SubElement(case, "skipped", message=verdict.reason)
     elif verdict.verdict != "exact":
-        SubElement(case, "system-out").text = f"{verdict.verdict}: {verdict.reason}"
+        SubElement(case, "system-out").text = found
 
 
 def control_case(suite: Element, control: Control) -> None:
@@ -56,3 +64,10 @@ def control_case(suite: Element, control: Control) -> None:
     if not control.passed:
         message = f"put in {control.expected}, found {control.identified}"
         SubElement(case, "error", message=message)
+
+
+def count_cases(suite: Element) -> None:
+    """Write the counts of a test suite's cases on it."""
+    suite.set("tests", str(len(suite)))
+    for attribute, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(attribute, str(sum(case.find(tag) is not None for case in suite)))

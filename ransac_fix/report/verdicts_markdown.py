@@ -1,5 +1,6 @@
 """An audit as Markdown, for the summary of a CI step."""
 
+from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Report, Verdict
 from ransac_fix.report.markdown import escaped
 
@@ -12,11 +13,15 @@ MARKS = {
 }
 
 
-def verdicts_markdown(report: Report) -> str:
-    """Return the audit as one table and, below it, the reasons and the advice."""
-    lines = [
-        "# Stopping rules of the installed RANSAC implementations",
-        "",
+def verdicts_markdown(report: Report, surprises: Surprises | None = None) -> str:
+    """Return the audit as one table and, below it, the reasons and the advice.
+
+    Where verdicts are expected, what differs from them comes first.
+    """
+    lines = ["# Stopping rules of the installed RANSAC implementations", ""]
+    if surprises is not None:
+        lines += [*_differences(surprises), ""]
+    lines += [
         "| system | entry point | verdict | rule |",
         "| --- | --- | --- | --- |",
     ]
@@ -33,6 +38,21 @@ def verdicts_markdown(report: Report) -> str:
         f"in {report.seconds:.0f} s."
     )
     return "\n".join([*lines, "", summary])
+
+
+def _differences(surprises: Surprises) -> list[str]:
+    differences = [
+        (f"{one.verdict.system} {one.verdict.entry_point}", one.what)
+        for one in surprises.unexpected
+    ]
+    differences += [
+        (f"{one.system} {one.entry_point}", f"expected but not seen: {one.verdict}")
+        for one in surprises.unmet
+    ]
+    if not differences:
+        return ["✅ Everything is as expected."]
+    lines = [f"- ❌ **{escaped(name)}**: {escaped(what)}" for name, what in differences]
+    return ["**Not as expected:**", "", *lines]
 
 
 def _row(verdict: Verdict) -> str:

@@ -4,8 +4,11 @@ import io
 import json
 import math
 import re
+import shlex
 import sys
+from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 from xml.etree import ElementTree
 
 import jsonschema
@@ -138,8 +141,8 @@ def test_a_system_without_a_probe_names_those_that_have_one(capsys):
 
 def test_distribution_and_import_names_are_understood():
     for name in ("opencv", "cv2", "opencv-python-headless"):
-        assert list(session._chosen((name,))) == ["opencv"]
-    assert list(session._chosen(("sklearn", "kornia"))) == ["scikit-learn", "kornia"]
+        assert list(session.chosen_probes((name,))) == ["opencv"]
+    assert list(session.chosen_probes(("sklearn", "kornia"))) == ["scikit-learn", "kornia"]
 
 
 def test_markdown_is_one_table_with_reasons_below():
@@ -190,7 +193,12 @@ reason = "waiting for upstream"
     [
         ("findHomography(RANSAC)", "undersamples", 0, ""),
         ("*", "undersamples", 0, ""),
-        ("findHomography(RANSAC)", "exact", 1, "unexpected: opencv findHomography(RANSAC)"),
+        (
+            "findHomography(RANSAC)",
+            "exact",
+            1,
+            "unexpected: opencv findHomography(RANSAC): undersamples, not exact as expected: assum",
+        ),
         (
             "findHomography(RHO)",
             "undersamples",
@@ -206,6 +214,73 @@ def test_expectations_decide_what_fails(monkeypatch, tmp_path, entry_point, verd
     run = CliRunner().invoke(audit_command.command, ["--expect", str(file)])
     assert run.exit_code == code, run.output
     assert said in run.stderr
+
+
+def test_a_library_that_was_made_exact_is_no_longer_as_expected(monkeypatch, tmp_path):
+    """Upstream fixed it: the expectation can go."""
+    fixed = replace(VERDICT, verdict="exact")
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(fixed))
+    file = tmp_path / "audit.toml"
+    file.write_text(EXPECT.format(entry_point="*", verdict="undersamples"))
+    run = CliRunner().invoke(audit_command.command, ["--expect", str(file)])
+    assert run.exit_code == 1
+    assert "findHomography(RANSAC): exact, not undersamples as expected" in run.stderr
+
+
+def test_every_format_at_once_knows_what_was_expected(monkeypatch, tmp_path):
+    other = replace(VERDICT, entry_point="findHomography(USAC)")
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT, other))
+    file = tmp_path / "audit.toml"
+    listed = ("findHomography(RANSAC)", "undersamples"), ("gone", "exact")
+    file.write_text("".join(EXPECT.format(entry_point=e, verdict=v) for e, v in listed))
+    outputs = {name: tmp_path / f"out.{name}" for name in ("markdown", "junit", "json", "text")}
+    arguments = [f"--output={name}:{path}" for name, path in outputs.items()]
+    run = CliRunner().invoke(audit_command.command, ["--expect", str(file), *arguments])
+    assert run.exit_code == 1
+    assert outputs["text"].read_text() == run.stdout
+    jsonschema.validate(json.loads(outputs["json"].read_text()), schema())
+    suite = ElementTree.fromstring(outputs["junit"].read_text())
+    failures = [case.get("name") for case in suite if case.find("failure") is not None]
+    assert failures == ["findHomography(USAC)", "gone"]
+    assert (suite.get("tests"), suite.get("failures")) == ("4", "2")
+    markdown = outputs["markdown"].read_text()
+    assert "- ❌ **opencv findHomography(USAC)**: undersamples: assumes" in markdown
+    assert "- ❌ **opencv gone**: expected but not seen: exact" in markdown
+
+
+def test_the_job_of_the_page_runs(monkeypatch, tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "audit.md").read_text("utf-8")
+    (command,) = re.findall(r"- run: >\s+ransac-fix audit (.*?)\n      - uses", page, re.DOTALL)
+    (expected,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    Path("audit.toml").write_text(expected)
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT))
+    arguments = shlex.split(command.replace("$GITHUB_STEP_SUMMARY", "summary.md"))
+    run = CliRunner().invoke(audit_command.command, arguments)
+    assert run.exit_code == 0, run.output
+    assert "Everything is as expected" in Path("summary.md").read_text()
+    assert {path.name for path in tmp_path.glob("audit.*")} == {
+        *("audit.toml", "audit.xml", "audit.json")
+    }
+
+
+def test_markdown_says_that_all_is_as_expected(monkeypatch, tmp_path):
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT))
+    file = tmp_path / "audit.toml"
+    file.write_text(EXPECT.format(entry_point="*", verdict="undersamples"))
+    arguments = ["--expect", str(file), "--output-format", "markdown"]
+    run = CliRunner().invoke(audit_command.command, arguments)
+    assert run.exit_code == 0
+    assert "✅ Everything is as expected." in run.stdout
+
+
+@pytest.mark.parametrize("output", ["html:x.html", "markdown", "markdown:", "text:/no/such/x"])
+def test_an_output_that_cannot_be_is_one_error(monkeypatch, output):
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT))
+    run = CliRunner().invoke(audit_command.command, ["--output", output])
+    assert run.exit_code == 2
+    assert "--output" in run.stderr
+    assert "Traceback" not in run.output
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,13 @@ from ransac_fix.audit.releases.environments import Environments
 from ransac_fix.audit.releases.model import Release, ReleaseReport, report_on
 from ransac_fix.audit.releases.packages import Packages, Unavailable, Wheel
 from ransac_fix.audit.releases.results import Results, key_of, probe_version
-from ransac_fix.audit.session import Options, audit_system, measure_controls, probe_files
+from ransac_fix.audit.session import (
+    Options,
+    audit_system,
+    chosen_probes,
+    measure_controls,
+    probe_files,
+)
 from ransac_fix.errors import RansacFixError
 from ransac_fix.systems import find_system
 
@@ -117,10 +123,7 @@ def read_request(text: str) -> Asked:
             ) from None
         name, specifier = requirement.name, str(requirement.specifier)
     system = find_system(name)
-    if system.name not in probe_files():
-        raise RansacFixError(
-            f"there is no probe for {system.name}: probes exist for {', '.join(probe_files())}"
-        )
+    chosen_probes([system.name])
     if not system.distributions:
         raise RansacFixError(f"{system.name} is in no package index")
     known = {canonicalize_name(one): one for one in system.distributions}
