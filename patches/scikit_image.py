@@ -17,11 +17,12 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ransac_fix.criterion import approximate_required_trials, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import own_function
-from ransac_fix.patching.rules import count_rule
-from ransac_fix.patching.watching import note
+from ransac_fix.patching.rules import count_rule, examine
+from ransac_fix.patching.watching import CURRENT, note
 
 if TYPE_CHECKING:
     from skimage.measure import ransac
@@ -50,23 +51,29 @@ def observe(module: ModuleType) -> tuple[Replacement, ...]:
         raise PatchNotApplicable(f"{module.__name__} has no function ransac with a rule beside it")
     if home is not module and home.__name__ in PATCH.modules:
         return ()  # watched there
-    bind = inspect.signature(original).bind
+    parameters = inspect.signature(original).parameters
+    names = tuple(parameters)
+    defaults = {name: parameter.default for name, parameter in parameters.items()}
+    rule = own_function(home, "_dynamic_max_trials")
+    assert rule is not None
+    is_exact = examine(rule, f"{home.__name__}._dynamic_max_trials").assumes == "exact"
     highest = 1.0 - sys.float_info.epsilon
 
     def ransac(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
-        call = bind(*args, **kwargs)
-        call.apply_defaults()
-        settings = call.arguments
+        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
         inliers, k = result[1], settings["min_samples"]
         if inliers is not None:
             n_samples, n_inliers = len(inliers), int(inliers.sum())
-            limit, confidence = settings["max_trials"], settings["stop_probability"]
+            limit, confidence = settings["max_trials"], min(settings["stop_probability"], highest)
             # With this the user asks for an end of another kind.
             if n_inliers < settings["stop_sample_num"]:
-                rule = home._dynamic_max_trials(n_inliers, n_samples, k, confidence)  # noqa: SLF001
-                trials = max(min(rule, limit), 1)
-                note(n_inliers, n_samples, k, min(confidence, highest), trials, limit)
+                watched = CURRENT.get()
+                exact = is_exact or (watched is not None and watched.exact)
+                # The library's own takes longer: it works on arrays.
+                law = required_trials if exact else approximate_required_trials
+                trials = max(min(law(n_inliers, n_samples, k, confidence), limit), 1)
+                note(n_inliers, n_samples, k, confidence, trials, limit)
         return result
 
     return (Replacement(holder=module, name="ransac", exact=ransac),)

@@ -21,6 +21,19 @@ import click
     type=click.Path(dir_okay=False, path_type=Path),
     help="Write the report to this file as JSON, in place of the terminal.",
 )
+@click.option(
+    "--verify",
+    is_flag=True,
+    help="Make calls that stopped short again with the exact rule once the program has ended, and"
+    " say how many models were really missed.",
+)
+@click.option(
+    "--sample",
+    type=click.IntRange(min=1),
+    default=100,
+    show_default=True,
+    help="With --verify: how many calls.",
+)
 @click.argument("target")
 @click.argument("args", nargs=-1, type=click.UNPROCESSED)
 @click.pass_context
@@ -28,6 +41,8 @@ def command(
     ctx: click.Context,
     as_module: bool,
     json_file: Path | None,
+    verify: bool,
+    sample: int,
     target: str,
     args: tuple[str, ...],
 ) -> None:
@@ -43,6 +58,7 @@ def command(
     from ransac_fix.errors import RansacFixError
     from ransac_fix.patching import startup, tracing
     from ransac_fix.patching.recorder import Recorder
+    from ransac_fix.patching.samples import request
 
     line = command_line(target, args, as_module=as_module)
     if startup.off():
@@ -50,12 +66,16 @@ def command(
     if json_file is not None and not json_file.absolute().parent.is_dir():
         raise click.UsageError(f"there is no folder {json_file.absolute().parent} for the report")
     folder = tempfile.mkdtemp(prefix="ransac_fix_trace_")
+    if verify:
+        request(folder, sample)
     environ = dict(os.environ)
     tracing.environment(environ, folder)
     start = perf_counter()
     with subprocess.Popen(line, env=environ) as program:  # noqa: S603 -- running it is the purpose
         code = _wait(program)
-    report = tracing.collect(Recorder(folder, write=False), perf_counter() - start)
+    report = tracing.collect(
+        Recorder(folder, write=False), perf_counter() - start, verify=sample if verify else 0
+    )
     if json_file is not None:
         from ransac_fix.report.trace_json import trace_json
 

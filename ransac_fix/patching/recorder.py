@@ -1,24 +1,29 @@
 """Where recorded calls go: sums in memory, and in other processes a file that outlives them.
 
 A worker process may be killed at any moment (a pool ends its workers so), so each call is written
-out at once, as one line. When the lines grow long they are summed up in a second file.
+out at once, as one line in a file that is mapped into memory: what has been written there outlives
+the process, and takes no call of the system. When the file is full it is summed up in a second one.
 """
 
 import contextlib
+import errno
 import json
+import mmap
 import os
 import threading
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from ransac_fix.patching.calls import Key, Raw, Tally, described
+from ransac_fix.patching.samples import Samples, asked
 
 __all__ = ["Recorder", "merge"]
 
-# Lines are summed up when a file is as long as this.
-_LONGEST = 4_000_000
+# Bytes of lines that are summed up together.
+_LONGEST = 1_000_000
 # A program has no more call sites, unless it makes code as it runs.
 _MOST_SITES = 10_000
 _MOST_PENDING = 256
@@ -44,11 +49,13 @@ class Recorder:
         self.counted: set[str] = set()
         self._lock = threading.Lock()
         self._pending: list[tuple[Key, Raw]] = []
-        self._name = f"{os.getpid()}-{os.urandom(4).hex()}"
+        self.name = f"{os.getpid()}-{os.urandom(4).hex()}"
         self._part = count(1)
         self._writes = write
-        self._file: int | None = None
+        self._lines: mmap.mmap | None = None
         self._written = 0
+        size = asked(folder)
+        self.samples = Samples(folder, self.name, size) if size else None
 
     def add(self, key: Key, raw: Raw) -> None:
         """Count one call."""
@@ -56,15 +63,18 @@ class Recorder:
             # Worked through later, many at once: between calls of a library it takes longer.
             self._pending.append((key, raw))
             if self._writes:
-                self._write(["call", key, raw])
+                self._write(f'["call",{_as_json(key)},{json.dumps(raw)}]')
             if len(self._pending) >= _MOST_PENDING:
                 self.flush()
 
     def flush(self) -> None:
         """Work through the calls that are pending."""
         pending, self._pending = self._pending, []
+        sites: dict[Key, list[Raw]] = {}
         for key, raw in pending:
-            self.tally(key).add(described(raw))
+            sites.setdefault(key, []).append(raw)
+        for key, raws in sites.items():
+            self.tally(key).add(list(map(described, raws)))
 
     def tally(self, key: Key) -> Tally:
         """Return the sums of one call site."""
@@ -80,7 +90,7 @@ class Recorder:
         with self._lock:
             self.left_out[system] = reason
             if self._writes:
-                self._write(["left out", system, reason])
+                self._write(json.dumps(["left out", system, reason]))
 
     def know(self, system: str, *, exact: bool, counted: bool) -> None:
         """Keep what is known of a library: its rule is exact, it says what it ran."""
@@ -89,7 +99,12 @@ class Recorder:
                 if is_so:
                     names.add(system)
             if self._writes:
-                self._write(["library", system, [exact, counted]])
+                self._write(json.dumps(["library", system, [exact, counted]]))
+
+    @property
+    def telling(self) -> int:
+        """How many of the calls counted can have missed a model."""
+        return sum(tally.telling for tally in self.tallies.values())
 
     def to_data(self) -> dict[str, Any]:
         """Return all sums as plain data, for a file."""
@@ -101,28 +116,36 @@ class Recorder:
             "counted": sorted(self.counted),
         }
 
-    def _open(self) -> None:
-        self._path = f"{self.folder}/{self._name}.{next(self._part)}{_LINES}"
-        self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        self._written = 0
+    def _open(self) -> mmap.mmap:
+        self._path = f"{self.folder}/{self.name}.{next(self._part)}{_LINES}"
+        with open(self._path, "x+b", buffering=0) as file:  # noqa: PTH123 -- closed below
+            # All of it at once: writing to a mapping of what the disk has no room for is fatal.
+            if file.write(bytes(_LONGEST)) != _LONGEST:
+                raise OSError(errno.ENOSPC, "the disk is full")
+            lines = mmap.mmap(file.fileno(), _LONGEST)
+        self._lines, self._written = lines, 0
+        return lines
 
-    def _write(self, line: list[object]) -> None:
+    def _write(self, text: str) -> None:
+        """Write a line. What it says has been counted before: it may be part of the sums."""
         try:
-            if self._file is None:
-                self._open()
-            assert self._file is not None
-            self._written += os.write(self._file, json.dumps(line).encode() + b"\n")
-            if self._written > _LONGEST:
+            lines = self._lines or self._open()
+            line = f"{text}\n".encode()
+            end = self._written + len(line)
+            if end > len(lines):
                 self._sum_up()
+            else:
+                lines[self._written : end] = line
+                self._written = end
         except OSError:  # the trace is over and its folder gone, or the disk is full
             self._writes = False
 
     def _sum_up(self) -> None:
         """Put all sums so far into a file in place of the lines."""
-        assert self._file is not None
-        os.close(self._file)
-        self._file = None
-        path = f"{self.folder}/{self._name}{_SUMS}"
+        assert self._lines is not None
+        self._lines.close()
+        self._lines = None
+        path = f"{self.folder}/{self.name}{_SUMS}"
         new = Path(f"{path}.new")
         # The lines they stand for are named: a reader that finds both counts them once.
         part = self._path.removesuffix(_LINES).rpartition(".")[2]
@@ -132,19 +155,22 @@ class Recorder:
             Path(self._path).unlink()
 
 
-def merge(recorder: Recorder) -> int:
+def merge(recorder: Recorder) -> dict[str, int]:
     """Add to a recorder what the other processes wrote into its folder.
 
     Returns
     -------
-    int
-        How many processes there were.
+    dict
+        For each of these processes, and this one, how many calls can have missed a model: what
+        its sample was drawn from.
     """
     recorder.flush()
     through: dict[str, int] = {}
-    processes = set()
+    telling = {recorder.name: recorder.telling}
+
     for path in sorted(Path(recorder.folder).glob(f"*{_SUMS}")):
         name = path.name.removesuffix(_SUMS)
+        before = recorder.telling
         data = json.loads(path.read_text())
         through[name] = data["through"]
         for key, tally in data["tallies"]:
@@ -152,17 +178,22 @@ def merge(recorder: Recorder) -> int:
         recorder.left_out.update(data["left_out"])
         recorder.exact.update(data["exact"])
         recorder.counted.update(data["counted"])
-        processes.add(name)
+        telling[name] = telling.get(name, 0) + recorder.telling - before
     for path in sorted(Path(recorder.folder).glob(f"*{_LINES}")):
         name, _, part = path.name.removesuffix(_LINES).rpartition(".")
-        processes.add(name)
+        before = recorder.telling
         if int(part) > through.get(name, 0):
-            with path.open() as lines:
-                for line in lines:
-                    if line.endswith("\n"):  # the last one may have been cut off
-                        kind, about, value = json.loads(line)
-                        _READ[kind](recorder, about, value)
-    return len(processes)
+            written = path.read_bytes().partition(b"\0")[0]
+            for line in written.split(b"\n")[:-1]:  # the last one may have been cut off
+                kind, about, value = json.loads(line)
+                _READ[kind](recorder, about, value)
+        telling[name] = telling.get(name, 0) + recorder.telling - before
+    return telling
+
+
+@lru_cache(maxsize=1024)
+def _as_json(key: Key) -> str:
+    return json.dumps(key)
 
 
 def _key(data: list[Any]) -> Key:
@@ -172,7 +203,7 @@ def _key(data: list[Any]) -> Key:
 
 def _read_call(recorder: Recorder, key: Any, raw: Any) -> None:
     facts, *others = raw
-    recorder.tally(_key(key)).add(described((facts and tuple(facts), *others)))
+    recorder.tally(_key(key)).add([described((facts and tuple(facts), *others))])
 
 
 def _read_left_out(recorder: Recorder, system: Any, reason: Any) -> None:

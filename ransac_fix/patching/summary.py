@@ -1,12 +1,23 @@
 """What `ransac_fix.trace` reports: the sums of the recorded calls, in words where words help."""
 
 import math
+import statistics
 from dataclasses import dataclass
 
 from ransac_fix.patching.calls import Bound, Key, Spread, Tally
 from ransac_fix.patching.recorder import Recorder
+from ransac_fix.patching.verification import Verified, interval
 
-__all__ = ["NOT_VISIBLE", "Bounds", "CallSite", "Range", "TraceReport", "WorstCall", "summarise"]
+__all__ = [
+    "NOT_VISIBLE",
+    "Bounds",
+    "CallSite",
+    "Range",
+    "TraceReport",
+    "Verification",
+    "WorstCall",
+    "summarise",
+]
 
 NOT_VISIBLE = (
     "RANSAC inside a compiled pipeline (a mapper, a matcher, a two-view function that calls"
@@ -104,6 +115,8 @@ class CallSite:
         What exactness would have cost within the limits on trials, at the speed of these calls.
     worst : WorstCall or None
         The call with the largest shortfall.
+    replayed, missed : int
+        Calls made again with the exact rule, and those that then found a model with more inliers.
     remedy : str
         What to do; empty where there is nothing to do.
     """
@@ -135,7 +148,45 @@ class CallSite:
     extra_trials: float
     extra_seconds: float
     worst: WorstCall | None
+    replayed: int
+    missed: int
     remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Calls made again with the exact rule: how many models were really missed.
+
+    Attributes
+    ----------
+    asked : int
+        How many were to be made again.
+    telling : int
+        Calls of the program in which a model can have been missed: they stopped short while their
+        limits allowed more trials. The sample is drawn from these.
+    replayed : int
+        Calls made again.
+    missed : int
+        Those that found a model with more inliers than with the library's own rule.
+    rate : float or None
+        ``missed / replayed``; None where none was made again.
+    low, high : float or None
+        Its 95 % interval, by Clopper and Pearson.
+    gained : Range or None
+        How many inliers more, in calls that missed a model.
+    not_replayed : dict
+        Why calls of the sample could not be made again, and how many.
+    """
+
+    asked: int
+    telling: int
+    replayed: int
+    missed: int
+    rate: float | None
+    low: float | None
+    high: float | None
+    gained: Range | None
+    not_replayed: dict[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +211,8 @@ class TraceReport:
         As in `CallSite`, of all sites.
     sites : tuple of CallSite
         Those furthest short of their guarantee first.
+    verification : Verification or None
+        What calls made again found; None where that was not asked for.
     left_out : dict
         Libraries whose calls were not seen, and why.
     not_visible : str
@@ -178,6 +231,7 @@ class TraceReport:
     extra_trials: float
     extra_seconds: float
     sites: tuple[CallSite, ...]
+    verification: Verification | None
     left_out: dict[str, str]
     not_visible: str
 
@@ -189,7 +243,13 @@ class TraceReport:
         )
 
 
-def summarise(recorder: Recorder, seconds: float, processes: int) -> TraceReport:
+def summarise(
+    recorder: Recorder,
+    seconds: float,
+    processes: int,
+    asked: int = 0,
+    verified: Verified | None = None,
+) -> TraceReport:
     """Return the report of what was recorded.
 
     Parameters
@@ -200,8 +260,12 @@ def summarise(recorder: Recorder, seconds: float, processes: int) -> TraceReport
         Time from start to end.
     processes : int
         How many processes recorded.
+    asked : int, default 0
+        How many calls were to be made again.
+    verified : Verified, optional
+        What these found.
     """
-    sites = [_site(key, tally, recorder) for key, tally in recorder.tallies.items()]
+    sites = [_site(key, tally, recorder, verified) for key, tally in recorder.tallies.items()]
     sites.sort(key=_order)
     return TraceReport(
         schema_version=1,
@@ -220,8 +284,26 @@ def summarise(recorder: Recorder, seconds: float, processes: int) -> TraceReport
         extra_trials=math.fsum(site.extra_trials for site in sites),
         extra_seconds=math.fsum(site.extra_seconds for site in sites),
         sites=tuple(sites),
+        verification=None if verified is None else _verification(asked, verified),
         left_out=dict(sorted(recorder.left_out.items())),
         not_visible=NOT_VISIBLE,
+    )
+
+
+def _verification(asked: int, verified: Verified) -> Verification:
+    replayed, missed = sum(verified.replayed.values()), sum(verified.missed.values())
+    low, high = interval(missed, replayed) if replayed else (None, None)
+    gains = sorted(verified.gains)
+    return Verification(
+        asked=asked,
+        telling=verified.telling,
+        replayed=replayed,
+        missed=missed,
+        rate=missed / replayed if replayed else None,
+        low=low,
+        high=high,
+        gained=Range(gains[0], statistics.median(gains), gains[-1]) if gains else None,
+        not_replayed=dict(sorted(verified.not_replayed.items())),
     )
 
 
@@ -230,7 +312,7 @@ def _order(site: CallSite) -> tuple[float, int, str, int, str]:
     return -worst, -site.calls, site.file, site.line, site.function
 
 
-def _site(key: Key, tally: Tally, recorder: Recorder) -> CallSite:
+def _site(key: Key, tally: Tally, recorder: Recorder, verified: Verified | None) -> CallSite:
     system, function, file, line, caller = key
     ranges = {name: _range(spread) for name, spread in tally.spreads.items()}
     worst = tally.worst
@@ -266,6 +348,8 @@ def _site(key: Key, tally: Tally, recorder: Recorder) -> CallSite:
             worst.success,
             worst.bound,
         ),
+        replayed=verified.replayed.get(key, 0) if verified else 0,
+        missed=verified.missed.get(key, 0) if verified else 0,
         remedy=_remedy(system, tally, system in recorder.exact),
         **ranges,
     )

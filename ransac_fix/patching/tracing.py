@@ -21,10 +21,12 @@ from typing import Any, Self
 
 from ransac_fix.errors import PatchNotApplicable, RansacFixError, RansacFixWarning
 from ransac_fix.patching import engine, missing, plugins, registry, startup
-from ransac_fix.patching.calls import Raw
+from ransac_fix.patching.calls import Raw, described
 from ransac_fix.patching.interface import Replacement
 from ransac_fix.patching.recorder import Recorder, merge
+from ransac_fix.patching.samples import Drawn, request
 from ransac_fix.patching.summary import TraceReport, summarise
+from ransac_fix.patching.verification import verify as make_again
 from ransac_fix.patching.watching import CURRENT, Watched
 
 __all__ = ["adopt", "collect", "environment", "trace"]
@@ -36,6 +38,13 @@ _placed: list[registry.Place] = []
 
 class trace:  # noqa: N801 -- read as a word: `with ransac_fix.trace() as t:`
     """Record the RANSAC calls made in a block, in all threads and in processes started in it.
+
+    Parameters
+    ----------
+    verify : int, default 0
+        So many of the calls that stopped short are made again with the exact rule once the block
+        has ended, in another process, to see how many models were really missed. Their inputs are
+        copied to a temporary folder.
 
     Attributes
     ----------
@@ -60,7 +69,10 @@ class trace:  # noqa: N801 -- read as a word: `with ransac_fix.trace() as t:`
     0
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, verify: int = 0) -> None:
+        if not (isinstance(verify, int) and verify >= 0):
+            raise RansacFixError(f"verify must be a number of calls, not {verify!r}")
+        self._verify = int(verify)
         self._report: TraceReport | None = None
 
     @property
@@ -77,6 +89,8 @@ class trace:  # noqa: N801 -- read as a word: `with ransac_fix.trace() as t:`
             if _recorder is not None:
                 raise RansacFixError("a trace is under way in this process already")
             self._folder = tempfile.mkdtemp(prefix="ransac_fix_trace_")
+            if self._verify:
+                request(self._folder, self._verify)
             self._recorder = Recorder(self._folder, write=False)
             self._pid = os.getpid()
             environment(os.environ, self._folder)
@@ -97,14 +111,29 @@ class trace:  # noqa: N801 -- read as a word: `with ransac_fix.trace() as t:`
         with _LOCK:
             _end()
             environment(os.environ, "")
-        self._report = collect(self._recorder, seconds, processes=1)
+        self._report = collect(self._recorder, seconds, processes=1, verify=self._verify)
 
 
-def collect(recorder: Recorder, seconds: float, *, processes: int = 0) -> TraceReport:
-    """Return the report of a recorder and of what is in its folder, which is removed."""
-    processes += merge(recorder)
+def collect(
+    recorder: Recorder, seconds: float, *, processes: int = 0, verify: int = 0
+) -> TraceReport:
+    """Return the report of a recorder and of what is in its folder, which is removed.
+
+    Parameters
+    ----------
+    recorder : Recorder
+        The calls of this process.
+    seconds : float
+        Time from start to end.
+    processes : int, default 0
+        1 where this process recorded calls itself.
+    verify : int, default 0
+        How many calls to make again.
+    """
+    telling = merge(recorder)
+    verified = make_again(recorder.folder, telling, verify) if verify else None
     shutil.rmtree(recorder.folder, ignore_errors=True)
-    return summarise(recorder, seconds, processes)
+    return summarise(recorder, seconds, processes + len(telling) - 1, verify, verified)
 
 
 def environment(environ: "os._Environ[str] | dict[str, str]", folder: str) -> None:
@@ -218,6 +247,8 @@ def _watching(
         if recorder is None:
             return inner(*args, **kwargs)
         watched = Watched(active())
+        samples = recorder.samples
+        drawn = None if samples is None else samples.draw(args, kwargs)
         token = CURRENT.set(watched)
         start = perf_counter()
         try:
@@ -225,11 +256,11 @@ def _watching(
         except BaseException:
             seconds = perf_counter() - start
             CURRENT.reset(token)
-            _record(recorder, (name, function), watched, seconds, failed=True)
+            _record(recorder, (name, function), watched, seconds, failed=True, drawn=None)
             raise
         seconds = perf_counter() - start
         CURRENT.reset(token)
-        _record(recorder, (name, function), watched, seconds, failed=False)
+        _record(recorder, (name, function), watched, seconds, failed=False, drawn=drawn)
         return result
 
     call.__ransac_fix__ = True  # type: ignore[attr-defined]
@@ -237,12 +268,21 @@ def _watching(
 
 
 def _record(
-    recorder: Recorder, called: tuple[str, str], watched: Watched, seconds: float, *, failed: bool
+    recorder: Recorder,
+    called: tuple[str, str],
+    watched: Watched,
+    seconds: float,
+    *,
+    failed: bool,
+    drawn: Drawn | None,
 ) -> None:
     """Record one call. What goes wrong here is said once and is not the program's affair."""
     try:
         key = called + _call_site()
-        recorder.add(key, _raw(watched, seconds, called[0] in recorder.exact, failed))
+        raw = _raw(watched, seconds, called[0] in recorder.exact, failed)
+        recorder.add(key, raw)
+        if recorder.samples is not None:
+            recorder.samples.keep(drawn, key, described(raw))
     except Exception as error:  # noqa: BLE001 -- see above
         warnings.warn(f"a call of {called} was not recorded: {error}", RansacFixWarning, 4)
 

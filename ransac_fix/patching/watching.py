@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from typing import Literal, TypeAlias
 
     Sampling: TypeAlias = Literal["distinct", "replacement"]
+    Facts: TypeAlias = tuple[int, int, int, float, float, float, Sampling, float | None]
+    """The arguments of `note`."""
 
 __all__ = ["CURRENT", "Watched", "note"]
 
@@ -24,13 +26,16 @@ class Watched:
         The library is patched here and now: the missing trials are to be drawn.
     facts : tuple or None
         The arguments of `note` when it was last called: what holds at the end of the run.
+    first : tuple or None
+        Those when it was first called: what held before any missing trials.
     """
 
-    __slots__ = ("exact", "facts")
+    __slots__ = ("exact", "facts", "first")
 
     def __init__(self, exact: bool) -> None:
         self.exact = exact
-        self.facts: tuple[int, int, int, float, float, float, Sampling, float | None] | None = None
+        self.facts: Facts | None = None
+        self.first: Facts | None = None
 
 
 CURRENT: ContextVar[Watched | None] = ContextVar("ransac_fix watched call", default=None)
@@ -70,4 +75,6 @@ def note(
             sampling,
             chance,
         )
+        if watched.first is None:
+            watched.first = watched.facts
     return watched

@@ -4,7 +4,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ransac_fix.patching.summary import CallSite, Range, TraceReport, WorstCall
+from ransac_fix.patching.summary import CallSite, Range, TraceReport, Verification, WorstCall
 from ransac_fix.report.text_table import probability_text
 
 if TYPE_CHECKING:
@@ -48,6 +48,9 @@ def print_trace(report: TraceReport, console: "Console") -> None:
     if report.sites:
         console.print()
     put(_summary(report), style="bold")
+    if report.verification is not None:
+        for line in _verification(report.verification):
+            put(line)
     for line in _footnotes(report):
         put(line)
 
@@ -92,6 +95,11 @@ def _lines(site: CallSite) -> list[str]:
                 "exactness within the limits: "
                 f"{site.extra_trials:,.0f} more trials, about {_time(site.extra_seconds)}"
             )
+    if site.replayed:
+        lines.append(
+            f"made again exactly: {_many(site.replayed, 'call')}, {site.missed} of them found more"
+            " inliers"
+        )
     if site.unread:
         lines.append(
             f"{site.unread} could not be read: another method than RANSAC, no model found, or"
@@ -122,6 +130,29 @@ def _summary(report: TraceReport) -> str:
             f" {_time(report.extra_seconds)}"
         )
     return text + "."
+
+
+def _verification(found: Verification) -> list[str]:
+    """Say how many models were really missed."""
+    if not found.telling:
+        return ["Made again exactly: none, as no call stopped short of what its limits allow."]
+    lines = []
+    if found.replayed:
+        assert found.rate is not None
+        assert found.low is not None
+        assert found.high is not None
+        rate, low, high = (f"{100 * value:.1f}" for value in (found.rate, found.low, found.high))
+        line = (
+            f"Made again exactly: {found.replayed} of the {found.telling:,} calls that stopped"
+            f" short of what their limits allow. {found.missed} of them then found a model with"
+            f" more inliers: {rate} % [{low}, {high}] (95 %)"
+        )
+        if found.gained is not None:
+            line += f", {_span(found.gained)} inliers more"
+        lines.append(f"{line}.")
+    for why, count in found.not_replayed.items():
+        lines.append(f"{_many(count, 'call')} could not be made again: {why}.")
+    return lines
 
 
 def _footnotes(report: TraceReport) -> list[str]:
