@@ -28,7 +28,7 @@ def main() -> None:
     camera = np.array([[994.978, 0, 311.193], [0, 994.978, 254.877], [0, 0, 1]])
     detectors = ((cv2.SIFT_create(4000), cv2.NORM_L2), (cv2.ORB_create(4000), cv2.NORM_HAMMING))
     for detector, norm in detectors:
-        for ratio in (0.7, 0.8, 0.9):
+        for ratio in (0.7, 0.85, 1.0):
             x, y = matches(detector, norm, ratio)
             cv2.findHomography(x, y, cv2.RANSAC, 3.0)
             cv2.findFundamentalMat(x, y, cv2.FM_RANSAC, 1.0)
