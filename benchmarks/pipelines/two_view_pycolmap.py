@@ -26,10 +26,11 @@ def main(folder: Path) -> None:
                 rows = rows[rows[:, 4] < 0.85]
                 if len(rows) < 15:
                     continue
-                x, y = rows[:, :2], rows[:, 2:4]
+                x, y = (np.ascontiguousarray(rows[:, i : i + 2]) for i in (0, 2))
+                matches = np.arange(len(rows), dtype=np.uint32).repeat(2).reshape(-1, 2)
                 pycolmap.estimate_homography_matrix(x, y, options)
                 pycolmap.estimate_fundamental_matrix(x, y, options)
-                pycolmap.estimate_two_view_geometry(camera, x, camera, y)
+                pycolmap.estimate_two_view_geometry(camera, x, camera, y, matches)
 
 
 if __name__ == "__main__":
