@@ -617,7 +617,8 @@ class CppSource(Source):
                 arguments = parent.child_by_field_name("arguments")
                 given = [] if arguments is None else arguments.named_children
                 given = [one for one in given if one.type != "comment"]
-                argument = Argument(self._span(given[place])) if place < len(given) else None
+                value = self._span(given[place]) if place < len(given) else None
+                argument = None if value is None else Argument(value, value)
                 calls.append(CallSite(self._span(parent), argument))
             else:
                 return f"{name} is used in line {node.start_point[0] + 1} without a call"

@@ -12,12 +12,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ransac_fix.scan import algebra
-from ransac_fix.scan.evaluate import Candidate
 from ransac_fix.scan.findings import Edit, Fix
 from ransac_fix.scan.form import Expr, Name, Num, Op, Span
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
-from ransac_fix.scan.source import Signature, Source, is_inside
+from ransac_fix.scan.source import Argument, Signature, Source, is_inside
 
 _ONLY_RATIO = "only the ratio of inliers is known here, not the two counts it is made of"
 _MESSAGE = "use the probability for distinct samples"
@@ -172,7 +171,7 @@ def _through_calls(
     function = site.function
     ratio = site.probability.ratio
     parameter = None if ratio is None else _parameter(ratio)
-    if function is None or parameter is None:
+    if function is None or ratio is None or parameter is None:
         return _ONLY_RATIO
     if parameter not in {one.name for one in function.parameters}:
         return _ONLY_RATIO
@@ -181,7 +180,8 @@ def _through_calls(
         return f"{_ONLY_RATIO}, and {signature}"
     if not signature.calls:
         return f"{_ONLY_RATIO}, and {function.name} is not called in this file"
-    changed = _calls(site.seen, signature, source, path)
+    outliers = not isinstance(algebra.plain(ratio), Name)
+    changed = _calls(read, signature, source, path, outliers=outliers)
     if isinstance(changed, str):
         return f"{_ONLY_RATIO}, and {changed}"
     calls, doubt = changed
@@ -189,8 +189,8 @@ def _through_calls(
     inliers, samples = (_free(name, taken) for name in ("n_inliers", "n_samples"))
     # Guards and whatever else uses the ratio keep it, made of the same counts again.
     made = source.quotient(inliers, samples)
-    if ratio is not None and not isinstance(algebra.plain(ratio), Name):
-        made = f"1 - {made}"  # the parameter is the ratio of outliers
+    if outliers:
+        made = f"1 - {made}"
     declared = ", ".join(signature.declared.format(name) for name in (inliers, samples))
     edits = [source.edit(span, declared, path) for span in signature.parameters]
     if not all(is_inside(use, power) for use in signature.uses):
@@ -216,9 +216,9 @@ def _parameter(ratio: Expr) -> str | None:
 
 
 def _calls(
-    seen: Iterable[Candidate], signature: Signature, source: Source, path: str
+    read: ReadSite, signature: Signature, source: Source, path: str, *, outliers: bool
 ) -> tuple[tuple[Edit, ...], str] | str:
-    by_call = {one.call: one for one in seen if one.call is not None}
+    by_call = {one.call: one for one in read.site.seen if one.call is not None}
     edits: list[Edit] = []
     doubt = ""
     for call in signature.calls:
@@ -229,9 +229,10 @@ def _calls(
         probability = None if candidate is None else probability_of(candidate)
         ratio = None if probability is None else probability.ratio
         counts = None if ratio is None else counts_of(ratio)
-        if ratio is None or counts is None:
-            return f"the call in line {line} does not have them either"
-        values = _values(counts, source, call.argument.span)
+        if counts is not None:
+            values = _values(counts, source, call.argument.span)
+        else:
+            values = _expected_at(read, call.argument, source, outliers=outliers)
         if isinstance(values, str):
             return f"in line {line} {values}"
         inliers, samples, own_doubt = values
@@ -242,8 +243,22 @@ def _calls(
             if {"n_inliers", "n_samples"} & signature.names:
                 return f"the call in line {line} has keywords of these names"
         edits.append(source.edit(call.argument.span, content, path))
-        edits += source.unused_without(ratio, call.argument.span, content, path)
+        if ratio is not None:
+            edits += source.unused_without(ratio, call.argument.span, content, path)
     return tuple(edits), doubt
+
+
+def _expected_at(
+    read: ReadSite, argument: Argument, source: Source, *, outliers: bool
+) -> tuple[str, str, str] | str:
+    """Make the counts of an assumed ratio that a call gives, and of what the sampler draws from."""
+    found = None if read.draw is None else source.population(read.draw, argument.span)
+    if read.adaptive or found is None or not found[1]:
+        return "they are not known either"
+    samples, _ = found
+    ratio = " ".join(source.text.at(argument.value).split())
+    ratio = f"(1 - {_factor(ratio)})" if outliers else _factor(ratio)
+    return f"round({ratio} * {_factor(samples)})", samples, "; check the inliers to be expected"
 
 
 def _free(name: str, taken: frozenset[str]) -> str:

@@ -282,9 +282,10 @@ class PythonSource(Source):
                 value = self._span(word.value)
                 column = _character(self.text, word.lineno, word.col_offset)
                 span = Span(word.lineno, column, value.end_line, value.end_column)
-                return Argument(span, parameter)
+                return Argument(span, value, parameter)
         if place is not None and place < len(call.args):
-            return Argument(self._span(call.args[place]))
+            value = self._span(call.args[place])
+            return Argument(value, value)
         return None
 
     def _span(self, node: ast.expr | ast.stmt | ast.arg) -> Span:

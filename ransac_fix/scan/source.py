@@ -30,9 +30,10 @@ _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """An argument of a call: where it stands, and its keyword where it has one."""
+    """An argument of a call: where it stands, with its keyword if it has one, and its value."""
 
     span: Span
+    value: Span
     keyword: str = ""
 
 

@@ -370,7 +370,7 @@ NO_FIX = {
   return log(0.01) / log(1 - pow(w, k));
 }
 int run(int n_inliers, int n) { return trials((double)n_inliers / n, 3) + trials(0.5, 3); }""",
-        "does not have them either",
+        "they are not known either",
     ),
     "a name that is taken": (
         """double all_inlier_probability;
