@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ransac_fix.audit.controls import CONTROLS, KnownLaw
+from ransac_fix.audit.drawing import Strata, spread
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
 from ransac_fix.audit.worker.planted import Planted
 from ransac_fix.reference import DistinctSampler, Recording, ReplacementSampler
@@ -31,6 +32,44 @@ class _Filtered:
                 return sample
 
 
+class _ByStrata:
+    """Draw by strata: a quota of each in order, or of strata at random, or one by one."""
+
+    def __init__(self, law: KnownLaw, strata: NDArray[np.int64]) -> None:
+        self._law = law
+        self._members = [np.flatnonzero(strata == stratum) for stratum in range(law.n_strata)]
+
+    def draw(self, rng: np.random.Generator) -> NDArray[np.intp]:
+        law = self._law
+        if not law.quota:
+            drawn: list[int] = []
+            while len(drawn) < law.sample_size:
+                index = int(rng.choice(self._members[rng.integers(law.n_strata)]))
+                if index not in drawn:
+                    drawn.append(index)
+            return np.array(drawn)
+        order = np.arange(law.n_strata)
+        if law.drawn == "weighted":
+            rng.shuffle(order)
+        parts = zip(order, law.quota, strict=False)
+        return np.concatenate(
+            [rng.choice(self._members[stratum], size, replace=False) for stratum, size in parts]
+        )
+
+
+class _Preferring:
+    """Draw three in four samples from the first half only, as from sorted matches."""
+
+    def __init__(self, sampler: DistinctSampler) -> None:
+        self._sampler = sampler
+        half = max(sampler.sample_size, (sampler.n_samples + 1) // 2)
+        self._first = DistinctSampler(half, sampler.sample_size)
+
+    def draw(self, rng: np.random.Generator) -> NDArray[np.intp]:
+        return (self._first if rng.random() < _PREFERRED else self._sampler).draw(rng)
+
+
+_PREFERRED = 0.75
 # Pixels; the planted points are farther apart.
 _APART = 1.0
 
@@ -50,10 +89,7 @@ def entry_point(law: KnownLaw) -> EntryPoint:
         nonlocal kept
         assert settings is not None
         if kept is None or kept[0] is not planted or kept[1] != seed:
-            kind = ReplacementSampler if law.drawn == "replacement" else DistinctSampler
-            sampler: Sampler = kind(planted.n_samples, law.sample_size)
-            if law.quirk == "filter":
-                sampler = _Filtered(sampler, planted.x)
+            sampler = _sampler(law, planted)
             recording: Recording[Any] = Recording(
                 np.hstack([planted.x, planted.y]),
                 _MODELS[law.problem](),
@@ -65,7 +101,9 @@ def entry_point(law: KnownLaw) -> EntryPoint:
         result = kept[2].run(
             confidence=settings.confidence,
             max_trials=settings.max_trials,
-            stopping_rule=law.required_trials,
+            stopping_rule=lambda n_inliers, n, k, s: law.required_trials(
+                n_inliers, n, k, s, _strata(planted, n_inliers)
+            ),
             tested="trial" if law.tested == "every trial" else "improvement",
             refit=False,
         )
@@ -74,7 +112,36 @@ def entry_point(law: KnownLaw) -> EntryPoint:
             result.trials if law.counted else None,
         )
 
-    return EntryPoint(law.name, law.problem, law.sample_size, run, counted=law.counted)
+    return EntryPoint(
+        law.name,
+        law.problem,
+        law.sample_size,
+        run,
+        counted=law.counted,
+        n_strata=law.n_strata,
+    )
+
+
+def _sampler(law: KnownLaw, planted: Planted) -> Sampler:
+    n, k = planted.n_samples, law.sample_size
+    match law.drawn:
+        case "replacement":
+            return ReplacementSampler(n, k)
+        case "stratified" | "weighted":
+            return _ByStrata(law, planted.strata)
+        case "not uniform":
+            return _Preferring(DistinctSampler(n, k))
+    sampler = DistinctSampler(n, k)
+    return _Filtered(sampler, planted.x) if law.quirk == "filter" else sampler
+
+
+def _strata(planted: Planted, n_inliers: int) -> Strata:
+    """Return the strata of the model in hand: groups of one size are split alike."""
+    for label in range(int(planted.labels.max()) + 1):
+        members = planted.labels == label
+        if members.sum() == n_inliers:
+            return planted.count(members)
+    return spread(n_inliers, planted.n_samples, int(planted.strata.max()) + 1)
 
 
 def _entry_points(_module: Any) -> list[EntryPoint | Unmeasured]:

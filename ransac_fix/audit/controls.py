@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from ransac_fix.audit.drawing import Strata
 from ransac_fix.audit.laws import Candidate, formula
 from ransac_fix.audit.measure import Measurement
 from ransac_fix.audit.model import DEFECTS, Assumed, Drawn
@@ -60,6 +61,10 @@ class KnownLaw:
         I computed from a ratio and truncated.
     counted : bool
         Whether the run reports its trials.
+    n_strata : int
+        Strata of the measurements.
+    quota : tuple of int
+        Parts of the sample, of the sampler and of a rule that goes by strata; see `Drawing`.
     quirk : str or None
         What the program does besides: a defect that must be named, ``"filter"`` for a sampler
         that redraws odd samples without counting a trial, ``"score"`` for a rule that takes a
@@ -79,13 +84,20 @@ class KnownLaw:
     tested: Literal["every trial", "on improvement"] = "every trial"
     truncated: bool = False
     counted: bool = False
+    n_strata: int = 1
+    quota: tuple[int, ...] = ()
     quirk: Quirk | None = None
 
     @property
     def candidate(self) -> Candidate:
         """The probability its rule assumes."""
+        by_strata = self.assumed not in ("approximate", "distinct", "replacement")
         return Candidate(
-            self.assumed, self.exponent or self.sample_size, self.inlier_offset, self.truncated
+            self.assumed,
+            self.exponent or self.sample_size,
+            self.inlier_offset,
+            self.truncated,
+            self.quota if by_strata else (),
         )
 
     @property
@@ -101,14 +113,19 @@ class KnownLaw:
         return formula(self.candidate, self.multiplier, (self.phi, self.phi))
 
     def required_trials(
-        self, n_inliers: int, n_samples: int, sample_size: int, confidence: float
+        self,
+        n_inliers: int,
+        n_samples: int,
+        sample_size: int,
+        confidence: float,
+        strata: Strata = (),
     ) -> int | float:
         """Apply the rule: the `stopping_rule` of the reference."""
-        probability = self.candidate.probability(n_inliers, n_samples)
+        probability = self.candidate.probability(n_inliers, n_samples, strata)
         match self.quirk:
             case "score":
                 # As a truncated squared error would score inliers that are not perfect.
-                probability = self.candidate.probability(n_inliers, n_samples) ** 1.37
+                probability **= 1.37
             case "no rule":
                 return math.inf
             case "first model" if n_inliers <= sample_size:
@@ -127,7 +144,8 @@ class KnownLaw:
     def recognised(self, measured: Measurement) -> bool:
         """Whether a measurement names this law, up to its class, and its quirk."""
         law, sampler = measured.fit.law, measured.sampler
-        if (sampler.drawn, sampler.sample_size) != (self.drawn, self.sample_size):
+        drawn = sampler.drawn, sampler.sample_size, sampler.quota
+        if drawn != (self.drawn, self.sample_size, self.quota):
             return False
         if measured.defects != ((self.quirk,) if self.quirk in DEFECTS else ()):
             return False
@@ -137,6 +155,7 @@ class KnownLaw:
             law is not None
             and (law.assumed, law.sample_size) == (self.assumed, self.candidate.sample_size)
             and (law.inlier_offset, law.truncated) == (self.inlier_offset, self.truncated)
+            and law.quota == self.candidate.quota
             and law.multiplier == self.multiplier
             and law.phi == (self.phi, self.phi)
             and law.tested == self.tested
@@ -154,6 +173,8 @@ CONTROLS = (
     KnownLaw("wrong exponent", "approximate", "affine", 3, exponent=2, rounding="floor"),
     KnownLaw("exact, counted", "distinct", counted=True),
     KnownLaw("tested on improvement", "approximate", tested="on improvement"),
+    KnownLaw("stratified", "stratified", "affine", 3, drawn="stratified", n_strata=2, quota=(2, 1)),
+    KnownLaw("by strata, pooled rule", "approximate", "affine", 3, drawn="weighted", n_strata=2),
 )
 
 # All laws known, for the benchmark that measures how often one is mistaken.
@@ -184,4 +205,50 @@ ZOO = (
     KnownLaw("no rule", "distinct", quirk="no rule"),
     KnownLaw("overflow to one trial", "approximate", "affine", 3, quirk="overflow"),
     KnownLaw("approximate, counted", "approximate", "affine", 3, counted=True),
+    KnownLaw(
+        "stratified, pooled rule",
+        "approximate",
+        "homography",
+        4,
+        rounding="nearest",
+        drawn="stratified",
+        n_strata=2,
+        quota=(3, 1),
+    ),
+    KnownLaw(
+        "stratified, approximate",
+        "approximate stratified",
+        "affine",
+        3,
+        drawn="stratified",
+        n_strata=2,
+        quota=(1, 2),
+        counted=True,
+    ),
+    KnownLaw(
+        "three strata", "stratified", "affine", 3, drawn="stratified", n_strata=3, quota=(1, 1, 1)
+    ),
+    KnownLaw("by strata, exact", "weighted", "affine", 3, drawn="weighted", n_strata=2),
+    KnownLaw("by strata, exact for pooled", "distinct", "affine", 3, drawn="weighted", n_strata=3),
+    KnownLaw(
+        "strata at random",
+        "weighted",
+        "affine",
+        3,
+        drawn="weighted",
+        n_strata=2,
+        quota=(2, 1),
+    ),
+    KnownLaw(
+        "strata at random, pooled rule",
+        "approximate",
+        "homography",
+        4,
+        drawn="weighted",
+        n_strata=2,
+        quota=(3, 1),
+        counted=True,
+    ),
+    KnownLaw("strata that do not matter", "distinct", "affine", 3, n_strata=2),
+    KnownLaw("sampler that prefers the first", "approximate", "affine", 3, drawn="not uniform"),
 )

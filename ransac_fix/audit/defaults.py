@@ -4,9 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ransac_fix.audit.drawing import Drawing, Strata, spread, totals
 from ransac_fix.audit.laws import law_probability
 from ransac_fix.audit.model import AtDefaults, Binding, Guarantee, SamplerLaw, StoppingLaw
-from ransac_fix.criterion import required_trials, success_probability
+from ransac_fix.audit.sampling import drawing_of
 
 
 def standard_problems(sample_size: int) -> tuple[tuple[int, int], ...]:
@@ -30,6 +31,7 @@ def at_defaults(
     sampler: SamplerLaw,
     problems: Sequence[tuple[int, int, float | None]],
     checked: bool | None,
+    n_strata: int = 1,
 ) -> AtDefaults:
     """Work out what binds and what it guarantees.
 
@@ -45,6 +47,8 @@ def at_defaults(
         Where to evaluate; s None for the library's default.
     checked : bool or None
         Whether runs at the defaults behaved so.
+    n_strata : int
+        Strata to spread the problems over, evenly.
 
     Returns
     -------
@@ -55,7 +59,8 @@ def at_defaults(
         if law is None or n_inliers < sampler.sample_size:
             continue
         s = declared["confidence"] if confidence is None else confidence
-        rows.append(_guarantee(n, n_inliers, s, declared, law, sampler))
+        strata = spread(n_inliers, n, n_strata)
+        rows.append(_guarantee(strata, s, declared, law, drawing_of(sampler)))
     return AtDefaults(
         confidence=declared["confidence"],
         min_trials=declared["min_trials"],
@@ -63,12 +68,13 @@ def at_defaults(
         multiplier=declared["multiplier"],
         checked=checked,
         guarantees=tuple(rows),
+        n_strata=n_strata,
     )
 
 
-def rule_trials(law: StoppingLaw, n_inliers: int, n: int, confidence: float) -> int:
+def rule_trials(law: StoppingLaw, strata: Strata, confidence: float) -> int:
     """Trials that a law lets happen, with whatever multiplier it was measured with."""
-    probability = law_probability(law, n_inliers, n)
+    probability = law_probability(law, *totals(strata), strata)
     if probability >= 1 or confidence <= 0:
         return 1
     if probability <= 0 or confidence >= 1:
@@ -78,14 +84,13 @@ def rule_trials(law: StoppingLaw, n_inliers: int, n: int, confidence: float) -> 
 
 
 def _guarantee(
-    n: int,
-    n_inliers: int,
+    strata: Strata,
     confidence: float,
     declared: dict[str, Any],
     law: StoppingLaw,
-    sampler: SamplerLaw,
+    drawing: Drawing,
 ) -> Guarantee:
-    trials = rule_trials(law, n_inliers, n, confidence)
+    trials = rule_trials(law, strata, confidence)
     if trials < _ENDLESS:
         trials = math.ceil(trials * declared["multiplier"])
     binds: Binding = "rule"
@@ -93,17 +98,15 @@ def _guarantee(
         trials, binds = declared["min_trials"], "minimum"
     if declared["max_trials"] is not None and trials > declared["max_trials"]:
         trials, binds = declared["max_trials"], "maximum"
-    sampling = "replacement" if sampler.drawn == "replacement" else "distinct"
-    k = sampler.sample_size
-    exact = required_trials(n_inliers, n, k, confidence, sampling=sampling)  # type: ignore[arg-type]
-    probability = success_probability(trials, n_inliers, n, k, sampling=sampling)  # type: ignore[arg-type]
+    n_inliers, n = totals(strata)
+    exact = drawing.required_trials(strata, confidence)
     return Guarantee(
         n=n,
         n_inliers=n_inliers,
-        sample_size=k,
+        sample_size=drawing.sample_size,
         confidence=confidence,
         trials=trials,
         exact_trials=None if math.isinf(exact) else int(exact),
         binds=binds,
-        probability=probability,
+        probability=drawing.success_probability(trials, strata),
     )

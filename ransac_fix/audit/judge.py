@@ -1,8 +1,9 @@
 """From laws to a verdict: whether the probability assumed is the probability drawn."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ransac_fix.audit.defaults import rule_trials, standard_problems
+from ransac_fix.audit.drawing import Strata, spread, totals
 from ransac_fix.audit.laws import Fit, assumption, law_probability
 from ransac_fix.audit.measure import Measurement
 from ransac_fix.audit.model import (
@@ -13,7 +14,7 @@ from ransac_fix.audit.model import (
     SamplerLaw,
     StoppingLaw,
 )
-from ransac_fix.criterion import all_inlier_probability, required_trials, success_probability
+from ransac_fix.audit.sampling import drawing_of
 
 _EQUAL = 1e-9
 
@@ -65,7 +66,7 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
             f"{sampler.hits} hits in {sampler.runs} runs where {sampler.expected:g} are expected"
         )
     direction = _compare(law, sampler, points)
-    drawn = _drawing(sampler)
+    drawn = drawing_of(sampler).describe()
     if direction == 0:
         reason = f"assumes P = {assumption(law)}, and draws {drawn}"
         verdict: Judgement = "exact"
@@ -76,7 +77,8 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
         verdict = "other rule"
     else:
         verdict = "undersamples" if direction > 0 else "oversamples"
-        reason = f"assumes P = {assumption(law)}, but draws {drawn}: {_consequence(law, sampler)}"
+        consequence = _consequence(law, sampler, points)
+        reason = f"assumes P = {assumption(law)}, but draws {drawn}: {consequence}"
     if law.inlier_offset == 1 and law.assumed == sampler.drawn:
         reason += (
             f" (for sets of {law.inlier_offset} more it is exact: with I in hand only a larger set "
@@ -140,28 +142,16 @@ def _limits(at_defaults: AtDefaults, max_trials_name: str) -> list[str]:
     return parts
 
 
-def _drawing(sampler: SamplerLaw) -> str:
-    how = "distinct indices" if sampler.drawn == "distinct" else "indices with replacement"
-    return f"{sampler.sample_size} {how}"
-
-
 def _compare(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> int | None:
     """Return 1 where too much is assumed, -1 where too little, 0 for never, None for both."""
     larger = smaller = False
-    measured = [(point.n, point.n_inliers) for point in points]
-    # Where truncation of I bites, too.
-    for n, n_inliers in (
-        *measured,
-        *standard_problems(sampler.sample_size),
-        (22, 15),
-        (44, 15),
-        (49, 8),
-        (98, 8),
-    ):
+    drawing = drawing_of(sampler)
+    for strata in _problems(sampler.sample_size, points):
+        n_inliers, n = totals(strata)
         if n_inliers <= sampler.sample_size:
             continue
-        true = _true_probability(sampler, n_inliers, n)
-        assumed = law_probability(law, n_inliers, n)
+        true = drawing.probability(strata)
+        assumed = law_probability(law, n_inliers, n, strata)
         larger |= assumed > true * (1 + _EQUAL)
         smaller |= assumed < true * (1 - _EQUAL)
     if larger and smaller:
@@ -169,22 +159,32 @@ def _compare(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> 
     return int(larger) - int(smaller)
 
 
-def _true_probability(sampler: SamplerLaw, n_inliers: int, n: int) -> float:
-    sampling = "replacement" if sampler.drawn == "replacement" else "distinct"
-    return all_inlier_probability(n_inliers, n, sampler.sample_size, sampling=sampling)  # type: ignore[arg-type]
+def _problems(sample_size: int, points: Sequence[Point]) -> Iterator[Strata]:
+    """Yield the problems measured, the standard ones, and some where truncation of I bites."""
+    for point in points:
+        yield point.strata or ((point.n_inliers, point.n),)
+    n_strata = _n_strata(points)
+    for n, n_inliers in (*standard_problems(sample_size), (22, 15), (44, 15), (49, 8), (98, 8)):
+        yield spread(n_inliers, n, n_strata)
 
 
-def _consequence(law: StoppingLaw, sampler: SamplerLaw) -> str:
+def _n_strata(points: Sequence[Point]) -> int:
+    return max([1, *(len(point.strata) for point in points)])
+
+
+def _consequence(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> str:
     """Say what the difference comes to on the first standard problem."""
     n, n_inliers = standard_problems(sampler.sample_size)[0]
     confidence = 0.99
-    sampling = "replacement" if sampler.drawn == "replacement" else "distinct"
-    k = sampler.sample_size
-    trials = rule_trials(law, n_inliers, n, confidence)
-    needed = required_trials(n_inliers, n, k, confidence, sampling=sampling)  # type: ignore[arg-type]
-    guarantee = success_probability(trials, n_inliers, n, k, sampling=sampling)  # type: ignore[arg-type]
+    n_strata = _n_strata(points)
+    strata = spread(n_inliers, n, n_strata)
+    drawing = drawing_of(sampler)
+    trials = rule_trials(law, strata, confidence)
+    needed = drawing.required_trials(strata, confidence)
+    guarantee = drawing.success_probability(trials, strata)
+    where = "" if n_strata == 1 else f", spread evenly over {n_strata} strata,"
     return (
-        f"with {n_inliers} of {n} in hand and s={confidence:g} it stops after {trials} trials, "
-        f"{needed} are needed, and another set of {n_inliers} is missed "
+        f"with {n_inliers} of {n}{where} in hand and s={confidence:g} it stops after {trials} "
+        f"trials, {needed} are needed, and another set of {n_inliers} is missed "
         f"with probability {1 - guarantee:.2g}"
     )

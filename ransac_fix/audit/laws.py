@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ransac_fix.audit.drawing import Drawing, Strata, drawings
 from ransac_fix.audit.model import Assumed, Point, StoppingLaw
 from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
 
@@ -34,15 +35,24 @@ class Candidate:
         Added to I.
     truncated : bool
         Whether I is ``int(I / n * n)``.
+    quota : tuple of int
+        Parts of the sample, where P goes by strata; see `Drawing`.
     """
 
     assumed: Assumed
     sample_size: int
     inlier_offset: int = 0
     truncated: bool = False
+    quota: tuple[int, ...] = ()
 
-    def probability(self, n_inliers: int, n: int) -> float:
-        """P for n_inliers of n."""
+    def probability(self, n_inliers: int, n: int, strata: Strata = ()) -> float:
+        """P for n_inliers of n, which fall into strata; 0 where P needs strata and has none."""
+        by_strata = self._by_strata
+        if by_strata is not None:
+            if not strata or any(n < 1 for _, n in strata):
+                return 0.0
+            exact = self.assumed in ("stratified", "weighted")
+            return by_strata.probability(strata) if exact else by_strata.independent(strata)
         count = n_inliers + self.inlier_offset
         if self.truncated:
             count = int(count / n * n)
@@ -56,8 +66,20 @@ class Candidate:
         )
         return all_inlier_probability(count, n, self.sample_size, sampling=sampling)
 
+    @property
+    def _by_strata(self) -> Drawing | None:
+        match self.assumed:
+            case "stratified" | "approximate stratified":
+                return Drawing("stratified", self.sample_size, self.quota)
+            case "weighted" | "approximate weighted":
+                return Drawing("weighted", self.sample_size, self.quota)
+        return None
+
     def describe(self) -> str:
         """P as a formula in I, n and k."""
+        by_strata = self._by_strata
+        if by_strata is not None:
+            return by_strata.formula(exact=self.assumed in ("stratified", "weighted"))
         count = f"(I{self.inlier_offset:+d})" if self.inlier_offset else "I"
         if self.truncated:
             count = f"int({count}/n*n)"
@@ -69,13 +91,15 @@ class Candidate:
         return f"C({count},{k})/C(n,{k})"
 
 
-def candidates(sample_size: int) -> Iterator[Candidate]:
+def candidates(sample_size: int, n_strata: int = 1) -> Iterator[Candidate]:
     """Yield the laws that are tried, the likelier first.
 
     Parameters
     ----------
     sample_size : int
         k as documented; programs use others too.
+    n_strata : int, default 1
+        Strata of the measurements.
     """
     sizes = sorted(
         range(max(1, sample_size - 3), sample_size + 4), key=lambda size: abs(size - sample_size)
@@ -85,6 +109,13 @@ def candidates(sample_size: int) -> Iterator[Candidate]:
             for assumed in ("distinct", "approximate", "replacement"):
                 yield Candidate(assumed, size, offset)
     yield Candidate("distinct", sample_size, 0, truncated=True)
+    for drawing in drawings(sample_size, n_strata):
+        if drawing.drawn == "stratified":
+            yield Candidate("stratified", sample_size, quota=drawing.quota)
+            yield Candidate("approximate stratified", sample_size, quota=drawing.quota)
+        elif drawing.drawn == "weighted":
+            yield Candidate("weighted", sample_size, quota=drawing.quota)
+            yield Candidate("approximate weighted", sample_size, quota=drawing.quota)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,16 +166,18 @@ def fit(points: Sequence[Point], sample_size: int) -> Fit:
     return Fit(None, (), _implied_probability(points))
 
 
-def law_probability(law: StoppingLaw, n_inliers: int, n: int) -> float:
-    """P that a law assumes for n_inliers of n."""
-    return Candidate(law.assumed, law.sample_size, law.inlier_offset, law.truncated).probability(
-        n_inliers, n
-    )
+def law_probability(law: StoppingLaw, n_inliers: int, n: int, strata: Strata = ()) -> float:
+    """P that a law assumes for n_inliers of n, which fall into strata."""
+    return _candidate(law).probability(n_inliers, n, strata)
 
 
 def assumption(law: StoppingLaw) -> str:
     """P that a law assumes, as a formula in I, n and k."""
-    return Candidate(law.assumed, law.sample_size, law.inlier_offset, law.truncated).describe()
+    return _candidate(law).describe()
+
+
+def _candidate(law: StoppingLaw) -> Candidate:
+    return Candidate(law.assumed, law.sample_size, law.inlier_offset, law.truncated, law.quota)
 
 
 def _fitting(
@@ -156,10 +189,11 @@ def _fitting(
 ) -> Iterator[StoppingLaw]:
     # A rule consulted with the model A allows the trial after A's, or all of them.
     trials = [p.trials if tested == "every trial" else p.in_hand + 1 for p in points]
-    for candidate in candidates(sample_size):
+    n_strata = max([1, *(len(point.strata) for point in points)])
+    for candidate in candidates(sample_size, n_strata):
         scales = []
         for point in points:
-            probability = candidate.probability(point.n_inliers, point.n)
+            probability = candidate.probability(point.n_inliers, point.n, point.strata)
             if not 0 < probability < 1:
                 break
             scales.append(-math.log1p(-probability))
@@ -179,6 +213,7 @@ def _fitting(
                     tested=tested,
                     truncated=candidate.truncated,
                     formula=formula(candidate, multiplier, phi),
+                    quota=candidate.quota,
                 )
                 break
 
@@ -234,7 +269,9 @@ def _distinguishable(laws: Iterable[StoppingLaw], points: Sequence[Point]) -> li
     kept: list[StoppingLaw] = []
     seen: set[tuple[float, ...]] = set()
     for law in laws:
-        key = tuple(float(f"{law_probability(law, p.n_inliers, p.n):.12g}") for p in points)
+        key = tuple(
+            float(f"{law_probability(law, p.n_inliers, p.n, p.strata):.12g}") for p in points
+        )
         if key not in seen:
             seen.add(key)
             kept.append(law)
@@ -243,9 +280,9 @@ def _distinguishable(laws: Iterable[StoppingLaw], points: Sequence[Point]) -> li
 
 def _implied_probability(points: Sequence[Point]) -> float | None:
     """P from the slope between the two most distant points on one (n, I)."""
-    groups: dict[tuple[int, int], list[Point]] = {}
+    groups: dict[tuple[int, int, Strata], list[Point]] = {}
     for point in points:
-        groups.setdefault((point.n, point.n_inliers), []).append(point)
+        groups.setdefault((point.n, point.n_inliers, point.strata), []).append(point)
     for group in groups.values():
         first = min(group, key=lambda point: point.trials)
         last = max(group, key=lambda point: point.trials)

@@ -8,8 +8,8 @@ from ransac_fix.audit.model import Defect, Point, SamplerLaw
 from ransac_fix.audit.worker import streams
 from ransac_fix.criterion import all_inlier_probability
 
-# Runs that look at the sampler: at first, and at most. They double until they suffice.
-_FIRST_HELPING = 40
+# Runs that look at the sampler: at a time, and at most.
+_HELPING = 20
 _MOST_LOOKS = 2_560
 _FEWEST_POINTS = 4
 _ENOUGH_POINTS = 6
@@ -89,16 +89,15 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     points: list[Point] = []
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
-    k, typical = one["sample_size"], one["typical_trials"]
-    limits = {"spare": one["spare"], "fewest": one["fewest_samples"]}
+    k = one["sample_size"]
     for attempt in range(2):
         # Counted trials are checked by a flip point; flip points are the evidence else.
-        steps = [("flip", s, s.points) for s in plan.settings(k, typical, **limits)]
+        steps = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
         if not one["repeatable"]:
             steps = []
         if one["counted"] and attempt == 0:
             checked = steps[:1]
-            steps = [("count", s, s.points) for s in plan.counted_settings(k, typical, **limits)]
+            steps = [("count", s, s.points) for s in settings_for(one, sampler, counted=True)]
             steps += [("flip", setting, 1) for _, setting, _ in checked]
         for kind, setting, wanted in steps:
             answer = host.ask(
@@ -126,6 +125,29 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     return Measurement(sampler, tuple(points), fit, runs, discarded, defects)
 
 
+def settings_for(
+    one: dict[str, Any], sampler: SamplerLaw, *, counted: bool
+) -> tuple[plan.Setting, ...]:
+    """Return the planted problems that suit an entry point and its sampler.
+
+    Parameters
+    ----------
+    one : dict
+        The entry point as described by the worker.
+    sampler : SamplerLaw
+        How it draws.
+    counted : bool
+        Whether trials are counted.
+    """
+    typical, spare = one["typical_trials"], one["spare"]
+    if one["n_strata"] > 1:
+        return plan.strata_settings(
+            sampling.drawing_of(sampler), one["n_strata"], typical, spare=spare, counted=counted
+        )
+    make = plan.counted_settings if counted else plan.settings
+    return make(one["sample_size"], typical, spare=spare, fewest=one["fewest_samples"])
+
+
 def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[str, Any]:
     return {
         "kind": kind,
@@ -138,10 +160,12 @@ def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[s
         "smallest": max(8, setting.trials // 4),
         "seed": seed,
         "u": [2.5, 6.0],
+        "strata": setting.strata,
     }
 
 
 def _point(raw: dict[str, Any], sample_size: int) -> Point:
+    strata = tuple((inliers, n) for inliers, n in raw["strata"])
     return Point(
         n=raw["n_samples"],
         n_inliers=raw["n_inliers"],
@@ -151,6 +175,7 @@ def _point(raw: dict[str, Any], sample_size: int) -> Point:
         u_low=raw["u_low"],
         in_hand=raw["in_hand"],
         kind=raw["kind"],
+        strata=strata if len(strata) > 1 else (),
     )
 
 
@@ -158,27 +183,37 @@ def _sampler_law(
     host: Asked, one: dict[str, Any], seed: int, *, once: bool = False
 ) -> tuple[SamplerLaw, int]:
     hits: list[sampling.Hit] = []
-    k = one["sample_size"]
-    looks = _FIRST_HELPING
+    k, seeded, n_strata, verifying = (
+        one[key] for key in ("sample_size", "seeded", "n_strata", "verifying")
+    )
+    limits = {"spare": one["spare"], "fewest": one["fewest_samples"], "n_strata": n_strata}
+    cases = plan.first_cases(k, seeded, **limits)
+    pool = plan.case_pool(k, seeded, **limits)
+    if once:
+        cases, pool = ([replace(case, trials=1) for case in some] for some in (cases, pool))
     while True:
-        cases = plan.hit_cases(
-            k, one["seeded"], looks, spare=one["spare"], fewest=one["fewest_samples"]
-        )[len(hits) :]
-        if once:
-            cases = [replace(case, trials=1) for case in cases]
         answer = host.ask(
             "hits",
             entry_point=one["name"],
-            cases=[[case.n, case.size, case.trials, case.first] for case in cases],
+            cases=[[case.n, case.size, case.trials, case.first, case.strata] for case in cases],
             seed=seed + 10_000 + len(hits),
         )
-        hits += [
-            sampling.Hit(case, raw[-1]) for case, raw in zip(cases, answer["hits"], strict=True)
-        ]
-        law = sampling.decide(hits, k, one["verifying"])
-        if law.drawn != "undecided" or looks >= _MOST_LOOKS:
-            return law, looks
-        looks *= 2
+        hits += [sampling.Hit(case, hit) for case, hit in zip(cases, answer["hits"], strict=True)]
+        law = sampling.decide(hits, k, verifying, n_strata, seeded=seeded)
+        if law.drawn != "undecided" or len(hits) >= _MOST_LOOKS:
+            return law, len(hits)
+        cases = sampling.most_telling(
+            hits,
+            pool,
+            k,
+            max(_HELPING, len(hits) // 4),
+            verifying=verifying,
+            n_strata=n_strata,
+            seeded=seeded,
+        )
+        if not cases:
+            law = sampling.decide(hits, k, verifying, n_strata, seeded=seeded, last=True)
+            return law, len(hits)
 
 
 def _defects(
@@ -195,7 +230,7 @@ def _defects(
     ended_early = 2 * discarded.get(streams.NOT_FOUND, 0) > sum(discarded.values(), len(points))
     if len(points) >= _FEWEST_POINTS and not ended_early:
         # Any rule but a broken one finds this group among many measurements.
-        case = [_MANY, round(_MANY * _SELDOM ** (1 / k)), _MANY_TRIALS, "anything"]
+        case = [_MANY, round(_MANY * _SELDOM ** (1 / k)), _MANY_TRIALS, "anything", []]
         overflows = looks.hits([case] * _MANY_RUNS) < _MANY_RUNS and (
             looks.hits([case] * 4 * _MANY_RUNS) <= 2 * _MANY_RUNS
         )
@@ -212,8 +247,8 @@ def _defects(
     size = n - 2
     trials = round(20 / all_inlier_probability(size, n, k))
     # The same streams: a program that ends at once finds no more of them with more trials.
-    at_once = looks.hits([[n, size, 1, "anything"]] * _LOOKS)
-    in_the_end = looks.hits([[n, size, trials, "anything"]] * _LOOKS, again=True)
+    at_once = looks.hits([[n, size, 1, "anything", []]] * _LOOKS)
+    in_the_end = looks.hits([[n, size, trials, "anything", []]] * _LOOKS, again=True)
     ended = 0 < in_the_end < at_once + _LOOKS // 4 and at_once < _LOOKS * 3 // 4
     return (("first model",) if ended else ()), looks.runs
 
@@ -230,7 +265,7 @@ class _Looks:
         seed = self._seed + self.runs - (len(cases) if again else 0)
         answer = self._host.ask("hits", entry_point=self._name, cases=cases, seed=seed)
         self.runs += answer["runs"]
-        return sum(hit[-1] for hit in answer["hits"])
+        return sum(answer["hits"])
 
     def uses_all(self, n: int) -> bool:
         """Whether runs use their budget at every confidence, though all n are inliers."""

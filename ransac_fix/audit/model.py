@@ -8,10 +8,22 @@ SCHEMA_VERSION: Literal[1] = 1
 Judgement: TypeAlias = Literal["exact", "undersamples", "oversamples", "other rule", "not measured"]
 JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
 
-Assumed: TypeAlias = Literal["approximate", "distinct", "replacement", "unknown"]
-"""The probability a stopping rule assumes: (I/n)^k, or that of a way of drawing."""
+Assumed: TypeAlias = Literal[
+    "approximate",
+    "distinct",
+    "replacement",
+    "stratified",
+    "weighted",
+    "approximate stratified",
+    "approximate weighted",
+    "unknown",
+]
+"""The probability a stopping rule assumes: that of a way of drawing, or what it would be with
+independent draws, such as (I/n)^k."""
 
-Drawn: TypeAlias = Literal["distinct", "replacement", "not uniform", "undecided"]
+Drawn: TypeAlias = Literal[
+    "distinct", "replacement", "stratified", "weighted", "not uniform", "undecided"
+]
 
 Defect: TypeAlias = Literal["first model", "confidence ignored", "no rule", "overflow"]
 """What a program does besides its law, or in place of one; see `DEFECTS`."""
@@ -49,6 +61,8 @@ class Point:
     kind : str
         ``"flip"``: read off outcomes. ``"count"``: the library reported its trials, or they were
         counted.
+    strata : tuple of (inliers, measurements)
+        How the I and n fall into strata, such as the cameras of a rig; empty for one.
     """
 
     n: int
@@ -59,6 +73,7 @@ class Point:
     u_low: float
     in_hand: int
     kind: Literal["flip", "count"]
+    strata: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +106,8 @@ class StoppingLaw:
         One representative of the class.
     implied_probability : float or None
         Where no law fits, the P that the points imply for the first (n, I) measured.
+    quota : tuple of int
+        Sizes of the parts of a sample in P, where it goes by strata; as in `SamplerLaw`.
     """
 
     assumed: Assumed
@@ -102,6 +119,7 @@ class StoppingLaw:
     truncated: bool
     formula: str
     implied_probability: float | None = None
+    quota: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +129,9 @@ class SamplerLaw:
     Parameters
     ----------
     drawn : str
-        The law.
+        The law. ``"distinct"`` and ``"replacement"``: from all measurements alike.
+        ``"stratified"``: fixed numbers from each stratum (camera, pair of images).
+        ``"weighted"``: a stratum first, each as likely as any other, then its measurements.
     sample_size : int
         Measurements in one sample.
     hits, expected : int, float
@@ -120,10 +140,18 @@ class SamplerLaw:
     runs : int
         How many runs there were.
     interval : tuple of float
-        99 % interval of the chance to hit, relative to that of distinct uniform draws.
+        99 % interval of the chance to hit, relative to that of distinct uniform draws, or to that
+        of the law where it goes by strata.
     found : float
         Share of the samples that lie in the group from which the library finds it, as fitted:
         below 1 where checks reject samples and count them, or solvers fail.
+    quota : tuple of int
+        Stratified: how many come from each stratum. Weighted: how many from the first, the
+        second, ... of different strata drawn at random; empty where every measurement has its
+        stratum drawn anew.
+    error : float
+        Chance that another law would have been taken for this one: the ratio of their
+        likelihoods.
     """
 
     drawn: Drawn
@@ -133,6 +161,8 @@ class SamplerLaw:
     runs: int
     interval: tuple[float, float]
     found: float = 1.0
+    quota: tuple[int, ...] = ()
+    error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +215,8 @@ class AtDefaults:
         tried.
     guarantees : tuple of Guarantee
         At standard problems, then at the user's own.
+    n_strata : int
+        Strata that measurements and inliers of these problems are spread over evenly.
     """
 
     confidence: float
@@ -193,6 +225,7 @@ class AtDefaults:
     multiplier: float
     checked: bool | None
     guarantees: tuple[Guarantee, ...]
+    n_strata: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+from ransac_fix.audit.drawing import Drawing, Strata
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -22,6 +24,8 @@ class Setting:
         How many trials a run is expected to take.
     points : int
         How many points are wanted.
+    strata : tuple of (n, A, B)
+        How many of all measurements, of each A and of B each stratum holds; empty for one.
     """
 
     n: int
@@ -29,12 +33,19 @@ class Setting:
     n_groups: int
     trials: int
     points: int = 3
+    strata: tuple[tuple[int, int, int], ...] = ()
 
 
 # The inlier ratio must differ between the problems, or a factor passes for an exponent.
 _LENGTHS = (2.0, 1.0, 0.5)
-# Trials of a run that looks at the sampler.
+# Trials of a run that looks at the sampler, such runs of each order of the measurements, values of
+# n to draw one sample each from for k up to 2 and above, values of n else, and samples that are
+# many.
 _LONGEST_LOOK = 200
+_EACH_ORDER = 16
+_MOST_WHOLE = (400, 90)
+_SIZES = 10
+_MANY_SAMPLES = 20
 
 
 def settings(
@@ -89,6 +100,73 @@ def counted_settings(
     return tuple(chosen)
 
 
+# Measurements of the strata, one to the other, from problem to problem: laws that pool the strata
+# and laws that do not then differ by another factor on each.
+_SKEWS = ((1, 2, 1), (2, 1, 2), (1, 1, 1))
+_MOST_OF_A_STRATUM = 40
+
+
+def strata_settings(
+    drawing: Drawing, n_strata: int, typical_trials: float, *, spare: int, counted: bool
+) -> tuple[Setting, ...]:
+    """Return problems whose groups are split over strata in several ways.
+
+    Parameters
+    ----------
+    drawing : Drawing
+        How samples are drawn, measured before: a group must hold such samples.
+    n_strata : int
+        Strata.
+    typical_trials : float
+        How long a run may be.
+    spare : int
+        By how much the smallest group exceeds a sample.
+    counted : bool
+        Whether trials are counted: then there is one A and no B, see `counted_settings`.
+    """
+    chosen: list[Setting] = []
+    used: set[tuple[int, ...]] = set()
+    first = drawing.sample_size + spare
+    for index, (size, length) in enumerate(
+        zip((first, first + 1, first + 2, first), (*_LENGTHS, 1.0), strict=True)
+    ):
+        trials = typical_trials * length / (3 if counted else 1)
+        skew = [_SKEWS[index % len(_SKEWS)][number % 3] for number in range(n_strata)]
+        best: tuple[float, tuple[tuple[int, int, int], ...]] | None = None
+        for split in _splits(size, n_strata):
+            # The one more of B goes where A has the most.
+            most = split.index(max(split))
+            larger = [part + (number == most) for number, part in enumerate(split)]
+            for scale in range(1, _MOST_OF_A_STRATUM):
+                parts = tuple(
+                    (max(drawing.sample_size, a if counted else a + b, scale * weight), a, b)
+                    for a, b, weight in zip(split, larger, skew, strict=True)
+                )
+                probability = drawing.probability(
+                    tuple((a if counted else b, n) for n, a, b in parts)
+                )
+                if not 0 < probability < 1:
+                    continue
+                off = abs(math.log(trials * probability)) + (split in used)
+                if best is None or off < best[0]:
+                    best = off, parts
+        if best is None:
+            continue
+        used.add(tuple(a for _, a, _ in best[1]))
+        n = sum(part[0] for part in best[1])
+        chosen.append(Setting(n, size, 1, round(length * typical_trials), 2, best[1]))
+    return tuple(chosen)
+
+
+def _splits(total: int, parts: int) -> list[tuple[int, ...]]:
+    """Return the ways to split a number into so many parts of at least 1."""
+    if parts == 1:
+        return [(total,)] if total else []
+    return [
+        (first, *rest) for first in range(1, total) for rest in _splits(total - first, parts - 1)
+    ]
+
+
 @lru_cache
 def _truncating(sample_size: int, trials: float, *, larger: int | None, fewest: int) -> Setting:
     """Return a problem on which I / n * n, truncated, is I - 1: some programs compute I so."""
@@ -128,57 +206,119 @@ class Case:
         Trials the run has.
     first : str
         Whether the group or the clutter comes first in the order of the measurements.
+    strata : tuple of (size, n)
+        How much of the group and of all measurements each stratum holds; empty for one.
     """
 
     n: int
     size: int
     trials: int
     first: Literal["anything", "groups", "clutter"] = "anything"
+    strata: Strata = ()
 
 
-def hit_cases(
-    sample_size: int, seeded: bool, runs: int, *, spare: int = 1, fewest: int = 0
+def first_cases(
+    sample_size: int, seeded: bool, *, spare: int = 1, fewest: int = 0, n_strata: int = 1
 ) -> list[Case]:
-    """Return the runs that look at the sampler.
+    """Return the runs that look at the sampler first, of each kind some.
 
-    Drawing k of k + 1 with replacement often repeats an index, which tells the two ways of
-    drawing apart at once; a small group among more clutter tells k, and the order of the two
-    whether all measurements are drawn alike. Where the generator is fixed, every n shows only a
-    few samples, the same in every run, so many n are used, and only their order is random.
+    A group that comes first is given so few trials that uniform draws seldom find it, one that
+    comes last so many that they mostly do: a sampler that prefers the first measurements shows
+    at once. Where nothing but the group is there, only a repeated index misses it. With strata
+    the group is split over them in every way.
 
     Parameters
     ----------
     sample_size : int
         k.
     seeded : bool
-        Whether the seed changes the samples.
-    runs : int
-        How many.
+        Whether the seed changes the samples. Otherwise the generator is fixed: every n shows
+        only a few samples, the same in every run, so many n are used.
     spare, fewest : int
         As in `settings`.
+    n_strata : int
+        Strata.
     """
-    k, size = sample_size, sample_size + spare
+    if n_strata > 1:
+        return _strata_cases(sample_size, n_strata, spare, (1.0,))
+    size = sample_size + spare
     least = max(fewest, size)
-    if seeded:
+    cases = []
+    for step in range(_EACH_ORDER):
         n = max(fewest, size + 3)
-        trials = _even_trials(size, n, k)
-        cycle = [
-            Case(n, size, trials, "groups"),
-            Case(least, least, 1),
-            Case(n, size, trials, "clutter"),
-            # Here few samples repeat an index: were as many missed, a check would be the reason.
-            Case(8 * size, 8 * size, 1),
-        ]
-        return [cycle[index % len(cycle)] for index in range(runs)]
-    # With all measurements in the group only a repeated index misses it. One sample an n.
-    once = [Case(n, n, 1) for n in range(least, least + 40)]
-    cycle = [
-        Case(n, size, _even_trials(size, n, k))
-        for n in range(least + 1, least + 10)
-        for size in range(k + spare, n)
-        if _even_trials(size, n, k) <= _LONGEST_LOOK
-    ]
-    return (once + [cycle[index % len(cycle)] for index in range(runs)])[:runs]
+        if not seeded:
+            n, size = n + step, sample_size + spare + step % 4
+        even = _even_trials(size, n, sample_size)
+        seldom, mostly = (min(_LONGEST_LOOK, max(1, round(x * even))) for x in (0.3, 2.3))
+        cases += [Case(n, size, seldom, "groups"), Case(n, size, mostly, "clutter")]
+        if step % 2:
+            whole = least if seeded else least + step // 2
+            cases.append(Case(whole, whole, 1))
+    return cases
+
+
+def case_pool(
+    sample_size: int, seeded: bool, *, spare: int = 1, fewest: int = 0, n_strata: int = 1
+) -> list[Case]:
+    """Return the kinds of run from which those are chosen that tell two laws apart soonest.
+
+    On a fixed generator the samples at one n are the same in all runs. Runs of one trial all look
+    at one sample, which can be reckoned with, and those of many trials at so many that it does
+    not matter; runs of a few are not used there.
+
+    Parameters
+    ----------
+    sample_size, seeded, spare, fewest, n_strata
+        As in `first_cases`.
+    """
+    lengths = (0.3, 1.0, 2.0)
+    if n_strata > 1:
+        return _strata_cases(sample_size, n_strata, spare, lengths)
+    k = sample_size
+    least = max(fewest, k + spare)
+    if not seeded:
+        # Small samples rarely repeat an index.
+        most = _MOST_WHOLE[k > 2]
+        cases = [Case(n, n, 1) for n in range(least, least + most)]
+        for n in range(least + 1, least + _SIZES):
+            for size in range(k + spare, n):
+                even = _even_trials(size, n, k)
+                several = [1, *(t for t in (even, 2 * even) if _MANY_SAMPLES <= t <= _LONGEST_LOOK)]
+                cases += [Case(n, size, trials) for trials in several]
+        return cases
+    # Among many measurements few samples repeat an index: were as many missed, a check would be
+    # the reason.
+    cases = [Case(n, n, 1) for n in (least, 2 * least, 8 * least)]
+    for n in range(least + 1, least + _SIZES):
+        for size in range(k + spare, n):
+            even = _even_trials(size, n, k)
+            several = sorted({max(1, round(length * even)) for length in lengths})
+            cases += [Case(n, size, trials) for trials in several if trials <= _LONGEST_LOOK]
+    return cases
+
+
+def _strata_cases(
+    sample_size: int, n_strata: int, spare: int, lengths: tuple[float, ...]
+) -> list[Case]:
+    """Return runs on a group split over strata, with more clutter in one stratum than another.
+
+    Every stratum could provide a whole sample, so that each way of drawing has what it needs.
+    """
+    k = sample_size
+    # Nothing but the group: a sample that misses it repeats an index.
+    cases = [Case(k * n_strata, k * n_strata, 1, strata=((k, k),) * n_strata)]
+    for extra in (spare, spare + 1):
+        for split in _splits(k + extra, n_strata):
+            for turn in range(n_strata):
+                strata = tuple(
+                    (part, max(k, part + 1) + 3 * ((number + turn) % n_strata))
+                    for number, part in enumerate(split)
+                )
+                n = sum(total for _, total in strata)
+                even = _even_trials(k + extra, n, k)
+                several = sorted({min(_LONGEST_LOOK, max(1, round(x * even))) for x in lengths})
+                cases += [Case(n, k + extra, trials, strata=strata) for trials in several]
+    return cases
 
 
 def _even_trials(n_inliers: int, n: int, sample_size: int) -> int:

@@ -4,20 +4,27 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ransac_fix.audit.drawing import Drawing, Strata, drawings
 from ransac_fix.audit.model import Drawn, SamplerLaw
 from ransac_fix.audit.plan import Case
-from ransac_fix.criterion import all_inlier_probability
 
 # Chance of naming the wrong one of two laws.
 ERROR_RATE = 1e-6
-_DECIDED = -math.log(ERROR_RATE)
+# The same where all runs that tell more are spent: on a fixed generator every n shows one sample.
+LAST_ERROR_RATE = 0.01
 # Twice the log-likelihood below its maximum: chi-squared with one degree of freedom.
 _INTERVAL_99 = 6.635
 # Standard deviations that no law may be off in any kind of run: one in 10^6 for a few kinds,
 # with room for runs on one fixed generator, which are not quite independent.
 _IMPOSSIBLE = 6.0
+
+
+Chances: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +43,15 @@ class Hit:
     hit: bool
 
 
-def decide(hits: Sequence[Hit], sample_size: int, verifying: int = 0) -> SamplerLaw:
+def decide(
+    hits: Sequence[Hit],
+    sample_size: int,
+    verifying: int = 0,
+    n_strata: int = 1,
+    *,
+    seeded: bool = True,
+    last: bool = False,
+) -> SamplerLaw:
     """Decide how samples are drawn, if the runs suffice.
 
     A library may fail to find the group from a sample that lies in it (a check that counts as a
@@ -51,6 +66,13 @@ def decide(hits: Sequence[Hit], sample_size: int, verifying: int = 0) -> Sampler
     verifying : int, optional
         How many of a sample only choose among the models that the others give: a group can be
         found from a sample that holds it but for these. k is then taken as documented.
+    n_strata : int, optional
+        Strata of the measurements; with more than one, laws that depend on them are tried too.
+    seeded : bool, optional
+        Whether runs are independent. On a fixed generator those of one trial on one n all look
+        at the same sample.
+    last : bool, optional
+        Whether nothing more can be learnt, so that less evidence must do.
 
     Returns
     -------
@@ -58,124 +80,240 @@ def decide(hits: Sequence[Hit], sample_size: int, verifying: int = 0) -> Sampler
         ``drawn`` is ``"undecided"`` while two laws are too close, and ``"not uniform"`` where
         all of those known are impossible.
     """
-    tally = _Tally(hits)
-    sizes = [sample_size]
-    if not verifying:
-        sizes = list(range(max(1, sample_size - 3), sample_size + 4))
-    laws = [
-        (*tally.likeliest(chances), drawn, size, chances)
-        for size in sizes
-        for drawn in (_LAWS if size > 1 else _LAWS[:1])
-        for chances in tally.possible(drawn, size, verifying)
-    ]
-    laws.sort(key=lambda law: -law[0])
-    best, factor, drawn, size, chances = laws[0]
-    rival = next((law for law in laws if law[2:4] != (drawn, size)), None)
-    decided: Drawn = drawn
-    if tally.deviation(chances, factor) > _IMPOSSIBLE:
+    tally = _Tally([hit.case for hit in hits], hits, seeded)
+    best, rival = tally.ranked(sample_size, verifying, n_strata)
+    decided: Drawn = best.drawing.drawn
+    error = 0.0 if rival is None else math.exp(rival.likelihood - best.likelihood)
+    if tally.deviation(best, verifying) > _IMPOSSIBLE:
         decided = "not uniform"
-    elif rival is not None and best - rival[0] < _DECIDED:
+    elif error > (LAST_ERROR_RATE if last else ERROR_RATE):
         decided = "undecided"
-    low, high = tally.interval(tally.chances("distinct", size))
+    drawing = best.drawing
+    by_strata = drawing.drawn in ("stratified", "weighted")
+    reference = drawing if by_strata else Drawing("distinct", drawing.sample_size)
+    low, high = tally.interval(reference)
     return SamplerLaw(
         drawn=decided,
-        sample_size=size,
+        sample_size=drawing.sample_size,
         hits=sum(hit.hit for hit in hits),
-        expected=round(tally.expected(chances), 2),
+        expected=round(tally.expected(best), 2),
         runs=len(hits),
         interval=(round(low, 3), round(high, 3)),
-        found=factor,
+        found=best.found,
+        quota=drawing.quota,
+        error=float(f"{error:.2g}"),
     )
 
 
-_LAWS: tuple[Literal["distinct", "replacement"], ...] = ("distinct", "replacement")
+def most_telling(
+    hits: Sequence[Hit],
+    pool: Sequence[Case],
+    sample_size: int,
+    count: int,
+    *,
+    verifying: int = 0,
+    n_strata: int = 1,
+    seeded: bool = True,
+) -> list[Case]:
+    """Return the runs that tell the likeliest law from the next likeliest soonest.
+
+    Parameters
+    ----------
+    hits : sequence of Hit
+        What was seen so far.
+    pool : sequence of Case
+        The kinds of run to choose from.
+    sample_size, verifying, n_strata, seeded
+        As in `decide`.
+    count : int
+        How many runs.
+
+    Returns
+    -------
+    list of Case
+        Fewer than `count`, or none, where no more can be learnt.
+    """
+    so_far = _Tally([hit.case for hit in hits], hits, seeded)
+    best, rival = so_far.ranked(sample_size, verifying, n_strata)
+    assert rival is not None
+    if not seeded:
+        ways = {best.drawing.drawn, rival.drawing.drawn}
+        sizes = {best.drawing.sample_size, rival.drawing.sample_size}
+        # Whether the one sample at an n repeats an index shows where nothing else is planted; how
+        # large it is, where something is.
+        pool = [
+            case
+            for case in pool
+            if (len(ways) > 1 and case.size == case.n)
+            or (len(sizes) > 1 and case.trials > 1)
+            or (len(ways) == 1 and case.size < case.n)
+        ]
+    tally = _Tally(pool, (), seeded)
+    ours, theirs = (
+        tally.probabilities(law.found * law.chances(pool, verifying)) for law in (best, rival)
+    )
+    # The mean of the two relative entropies: what one run tells, whichever law is true.
+    told = (ours - theirs) * (np.log(ours / theirs) - np.log((1 - ours) / (1 - theirs))) / 2
+    told /= _OVERHEAD + tally.trials
+    seen = Counter(hit.case for hit in hits)
+    found = {hit.case for hit in hits if hit.hit}
+    chosen: list[Case] = []
+    for index in np.argsort(-told):
+        case = pool[index]
+        turns = 1 + count // _KINDS
+        if not seeded and case.size == case.n:
+            # Seen not to repeat an index, or missed so often that it does.
+            turns = int(case not in found and seen[case] < _TURNS)
+        elif not seeded and case.trials > 1:
+            turns = _TURNS - seen[case]
+        chosen += [case] * turns
+        if len(chosen) >= count:
+            break
+    return chosen[:count]
+
+
+def drawing_of(law: SamplerLaw) -> Drawing:
+    """Return the law of a sampler that was measured; distinct draws where none was decided."""
+    if law.drawn == "not uniform" or law.drawn == "undecided":
+        return Drawing("distinct", law.sample_size)
+    return Drawing(law.drawn, law.sample_size, law.quota)
+
+
 # A group may be missed for other reasons than the draw, so nothing is quite impossible.
 _SURPRISE = 1e-4
 # The share of samples in the group from which it may be found.
-_FOUND = (1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)
+_FOUND = np.array([1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3])
 # A library that finds it from all of them is e^3 times as likely beforehand.
 _RARELY = 3.0
-_FACTORS = tuple(math.exp(step / 50) for step in range(-250, 151))
+_FACTORS = np.exp(np.arange(-250, 151) / 50)
+# How many of the samples that hold the group but for its verifying part find it.
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+# A run costs as much as so many trials, besides its own.
+_OVERHEAD = 5
+# Kinds of run chosen at a time, and how often one is repeated on a fixed generator.
+_KINDS = 5
+_TURNS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """A law with the shares that fit best, and its log-likelihood."""
+
+    likelihood: float
+    drawing: Drawing
+    verified: float
+    found: float
+
+    def chances(self, cases: Sequence[Case], verifying: int) -> Chances:
+        """Return the chance that one trial solves for the group, case by case."""
+        all_in = _chances(self.drawing, cases)
+        if not verifying:
+            return all_in
+        solved = _chances(_without(self.drawing, verifying), cases)
+        return (1 - self.verified) * all_in + self.verified * solved
+
+
+def _chances(drawing: Drawing, cases: Sequence[Case]) -> Chances:
+    return np.array([drawing.probability(case.strata or ((case.size, case.n),)) for case in cases])
+
+
+def _without(drawing: Drawing, verifying: int) -> Drawing:
+    return Drawing(drawing.drawn, drawing.sample_size - verifying)
 
 
 class _Tally:
     """Runs grouped by their case, so that a law is evaluated once a case."""
 
-    def __init__(self, hits: Sequence[Hit]) -> None:
-        cases = Counter(hit.case for hit in hits)
+    def __init__(self, cases: Sequence[Case], hits: Sequence[Hit], seeded: bool) -> None:
+        self.cases = list(dict.fromkeys(cases)) if hits else list(cases)
         found = Counter(hit.case for hit in hits if hit.hit)
-        self._cases = [(case, found[case], total - found[case]) for case, total in cases.items()]
+        runs = Counter(hit.case for hit in hits)
+        self.trials = np.array([case.trials for case in self.cases])
+        self._hits = np.array([found[case] for case in self.cases], dtype=float)
+        self._misses = np.array([runs[case] - found[case] for case in self.cases], dtype=float)
+        # On a fixed generator: the runs of one trial, by their n.
+        self._one_sample: dict[int, list[int]] = {}
+        if not seeded:
+            for index, case in enumerate(self.cases):
+                if case.trials == 1:
+                    self._one_sample.setdefault(case.n, []).append(index)
 
-    def chances(self, drawn: Literal["distinct", "replacement"], sample_size: int) -> list[float]:
-        """Return the chance that one trial hits, case by case."""
-        return [
-            all_inlier_probability(case.size, case.n, sample_size, sampling=drawn)
-            if sample_size <= case.n
-            else 0.0
-            for case, _, _ in self._cases
-        ]
+    def probabilities(self, chances: Chances) -> Chances:
+        """Return the chances of a hit in a run, from those in a trial; none is 0 or 1."""
+        within = -np.expm1(self.trials * np.log1p(-np.minimum(chances, 1 - 1e-12)))
+        return np.asarray(np.clip(within, _SURPRISE, 1 - _SURPRISE))
 
-    def possible(
-        self, drawn: Literal["distinct", "replacement"], sample_size: int, verifying: int
-    ) -> list[list[float]]:
-        """Return the chances of a law; several where some of a sample only verify."""
-        all_in = self.chances(drawn, sample_size)
-        if not verifying:
-            return [all_in]
-        solved = self.chances(drawn, sample_size - verifying)
-        return [
-            [(1 - share) * a + share * b for a, b in zip(all_in, solved, strict=True)]
-            for share in (0.0, 0.25, 0.5, 0.75, 1.0)
-        ]
+    def ranked(self, sample_size: int, verifying: int, n_strata: int) -> tuple[_Law, _Law | None]:
+        """Return the likeliest law, and the likeliest that is another."""
+        reach = 0 if verifying else 3 if n_strata == 1 else 1
+        laws = []
+        for size in range(max(1, sample_size - reach), sample_size + reach + 1):
+            for drawing in drawings(size, n_strata):
+                all_in = _chances(drawing, self.cases)
+                if not verifying:
+                    laws.append(self._likeliest(drawing, 0.0, all_in))
+                    continue
+                solved = _chances(_without(drawing, verifying), self.cases)
+                laws += [
+                    self._likeliest(drawing, share, (1 - share) * all_in + share * solved)
+                    for share in _SHARES
+                ]
+        laws.sort(key=lambda law: -law.likelihood)
+        best = laws[0]
+        return best, next((law for law in laws if law.drawing != best.drawing), None)
 
-    def likeliest(self, chances: Sequence[float]) -> tuple[float, float]:
-        """Return the log-likelihood with the best share of samples found, and that share."""
-        return max(
-            (self.log_likelihood(chances, share) - _RARELY * (share < 1), share) for share in _FOUND
-        )
+    def _likeliest(self, drawing: Drawing, verified: float, chances: Chances) -> _Law:
+        values = self._log_likelihoods(drawing, chances, _FOUND) - _RARELY * (_FOUND < 1)
+        most = int(np.argmax(values))
+        return _Law(float(values[most]), drawing, verified, float(_FOUND[most]))
 
-    def expected(self, chances: Sequence[float]) -> float:
-        """Return how many runs should hit."""
-        return sum(
-            (found + missed) * _within(chance, case.trials)
-            for (case, found, missed), chance in zip(self._cases, chances, strict=True)
-        )
+    def _log_likelihoods(self, drawing: Drawing, chances: Chances, factors: Chances) -> Chances:
+        """Return the log-likelihood of what was seen, every chance times each factor."""
+        p = self.probabilities(factors[:, None] * chances)
+        seen = np.log(p) * self._hits + np.log1p(-p) * self._misses
+        if drawing.drawn != "replacement" or not self._one_sample:
+            return np.asarray(seen.sum(axis=1))
+        shared = [index for indices in self._one_sample.values() for index in indices]
+        total = seen.sum(axis=1) - seen[:, shared].sum(axis=1)
+        for n, indices in self._one_sample.items():
+            # Either the one sample repeats an index, and no run hits, or it does not, and each
+            # run hits as often as with distinct indices.
+            proper = drawing.probability(((n, n),))
+            proper = min(max(proper, _SURPRISE), 1 - _SURPRISE)
+            p = factors[:, None] * chances[indices] / proper
+            p = np.clip(p, _SURPRISE, 1 - _SURPRISE)
+            hits, misses = self._hits[indices], self._misses[indices]
+            kept = np.log(p) @ hits + np.log1p(-p) @ misses
+            useless = math.log(_SURPRISE) * hits.sum() + math.log1p(-_SURPRISE) * misses.sum()
+            total += np.logaddexp(math.log(proper) + kept, math.log1p(-proper) + useless)
+        return np.asarray(total)
 
-    def log_likelihood(self, chances: Sequence[float], factor: float = 1.0) -> float:
-        """Return the log-likelihood of what was seen, every chance times a factor."""
-        total = 0.0
-        for (case, found, missed), chance in zip(self._cases, chances, strict=True):
-            probability = _within(min(1.0, factor * chance), case.trials)
-            probability = min(max(probability, _SURPRISE), 1 - _SURPRISE)
-            total += found * math.log(probability) + missed * math.log1p(-probability)
-        return total
+    def expected(self, law: _Law) -> float:
+        """Return how many runs should hit if every sample in the group found it."""
+        chances = _chances(law.drawing, self.cases)
+        runs = self._hits + self._misses
+        return float(runs @ -np.expm1(self.trials * np.log1p(-np.minimum(chances, 1 - 1e-12))))
 
-    def deviation(self, chances: Sequence[float], factor: float) -> float:
+    def deviation(self, law: _Law, verifying: int) -> float:
         """Return how many standard deviations the hits are off, in the kind of run most so.
 
-        The kinds are: everything in the group, the group first, the clutter first, any order.
+        The kinds are: everything in the group, the group first, the clutter first, any order; and
+        each split over strata.
         """
-        kinds: dict[tuple[bool, str], list[float]] = {}
-        for (case, found, missed), chance in zip(self._cases, chances, strict=True):
-            probability = _within(min(1.0, factor * chance), case.trials)
-            probability = min(max(probability, _SURPRISE), 1 - _SURPRISE)
-            runs = found + missed
-            kind = kinds.setdefault((case.n == case.size, case.first), [0.0, 0.0])
-            kind[0] += found - runs * probability
-            kind[1] += runs * probability * (1 - probability)
+        p = self.probabilities(law.found * law.chances(self.cases, verifying))
+        kinds: dict[tuple[bool, str, Strata], list[float]] = {}
+        for case, hits, misses, chance in zip(self.cases, self._hits, self._misses, p, strict=True):
+            if case.n in self._one_sample and case.trials == 1 and case.size < case.n:
+                # These runs look at one sample, so they stray together.
+                continue
+            kind = kinds.setdefault((case.n == case.size, case.first, case.strata), [0.0, 0.0])
+            kind[0] += hits - (hits + misses) * chance
+            kind[1] += (hits + misses) * chance * (1 - chance)
         # At least one run's worth of doubt: a single surprise among certainties proves nothing.
         return max(abs(off) / math.sqrt(max(1.0, variance)) for off, variance in kinds.values())
 
-    def interval(self, chances: Sequence[float]) -> tuple[float, float]:
-        """Return the 99 % interval of the one factor on all chances."""
-        values = [self.log_likelihood(chances, factor) for factor in _FACTORS]
-        best = max(values)
-        inside = [
-            f for f, v in zip(_FACTORS, values, strict=True) if 2 * (best - v) <= _INTERVAL_99
-        ]
-        return inside[0], inside[-1]
-
-
-def _within(probability: float, trials: int) -> float:
-    """Return the chance of at least one hit in some trials."""
-    return 1.0 if probability >= 1 else -math.expm1(trials * math.log1p(-probability))
+    def interval(self, drawing: Drawing) -> tuple[float, float]:
+        """Return the 99 % interval of the one factor on all chances of a law."""
+        values = self._log_likelihoods(drawing, _chances(drawing, self.cases), _FACTORS)
+        inside = _FACTORS[2 * (values.max() - values) <= _INTERVAL_99]
+        return float(inside[0]), float(inside[-1])

@@ -14,17 +14,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ransac_fix.audit import plan
 from ransac_fix.audit.controls import CONTROLS
 from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
 from ransac_fix.audit.judge import advise, judge
-from ransac_fix.audit.measure import SEED, measure
+from ransac_fix.audit.measure import SEED, Measurement, measure, settings_for
 from ransac_fix.audit.model import (
     SCHEMA_VERSION,
     Control,
     Report,
-    StoppingLaw,
     Verdict,
 )
 from ransac_fix.errors import RansacFixError
@@ -347,7 +345,7 @@ def _audit_entry_point(
     advice = ""
     declared = one["defaults"]
     if declared is not None and measured.points:
-        checked, more = _check_defaults(host, one, declared, measured.fit.law)
+        checked, more = _check_defaults(host, one, declared, measured)
         runs += more
         problems = [
             (n, n_inliers, None) for n, n_inliers in standard_problems(measured.sampler.sample_size)
@@ -358,6 +356,7 @@ def _audit_entry_point(
             measured.sampler,
             [*problems, *options.problems],
             checked,
+            one["n_strata"],
         )
         fixed_in = find_system(system).fixed_in if verdict == "undersamples" else None
         advice = advise(verdict, defaults, declared["max_trials_name"], fixed_in)
@@ -379,17 +378,16 @@ def _audit_entry_point(
 
 
 def _check_defaults(
-    host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], law: StoppingLaw | None
+    host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], measured: Measurement
 ) -> tuple[bool | None, int]:
     """Run with nothing set where the default cap binds, and see whether it does."""
-    cap = declared["max_trials"]
+    law, cap = measured.fit.law, declared["max_trials"]
     if law is None or cap is None or cap > _CHECKED_TRIALS:
         return None, 0
     # B comes after about as many trials as the cap allows; the rule would allow far more.
-    setting = plan.settings(
-        one["sample_size"], cap / 2, spare=one["spare"], fewest=one["fewest_samples"]
-    )[0]
-    rule = rule_trials(law, setting.group_size, setting.n, declared["confidence"])
+    setting = settings_for({**one, "typical_trials": cap / 2}, measured.sampler, counted=False)[0]
+    strata = tuple((a, n) for n, a, _ in setting.strata) or ((setting.group_size, setting.n),)
+    rule = rule_trials(law, strata, declared["confidence"])
     if rule * declared["multiplier"] < 1.5 * cap:
         return None, 0
     answer = host.ask(
@@ -398,6 +396,7 @@ def _check_defaults(
         n_samples=setting.n,
         group_size=setting.group_size,
         n_groups=1,
+        strata=setting.strata,
         trials=cap,
         streams=_CHECK_STREAMS,
         seconds=_CHECK_SECONDS,

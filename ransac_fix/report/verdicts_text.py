@@ -138,6 +138,8 @@ def _defaults(at_defaults: AtDefaults) -> "list[Text | Table]":
         limits.append(f"{at_defaults.multiplier:g} times what the rule says")
     checked = {True: " (checked by running)", False: " (runs behaved otherwise)", None: ""}
     line = f"by default: {', '.join(limits)}{checked[at_defaults.checked]}"
+    if at_defaults.n_strata > 1 and at_defaults.guarantees:
+        line += f"; inliers spread evenly over {at_defaults.n_strata} strata"
     if not at_defaults.guarantees:
         return [Text(line)]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")

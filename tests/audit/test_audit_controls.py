@@ -33,7 +33,9 @@ def test_a_known_law_is_recognised(law):
 def test_the_zoo_holds_what_programs_are_known_to_do():
     assert len(ZOO) >= 24
     assert len({law.name for law in ZOO}) == len(ZOO)
-    assert {law.assumed for law in ZOO} == {"approximate", "distinct", "replacement"}
+    exact = {"distinct", "replacement", "stratified", "weighted"}
+    assert {law.assumed for law in ZOO} == {*exact, "approximate", "approximate stratified"}
+    assert {law.drawn for law in ZOO} == {*exact, "not uniform"}
     assert {law.multiplier for law in ZOO} == {1, 1.5, 2, 3}
     assert {law.offset for law in ZOO} == {-1, 0, 1, 2}
     assert {law.inlier_offset for law in ZOO} == {-1, 0, 1}

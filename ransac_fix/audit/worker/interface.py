@@ -82,7 +82,7 @@ class EntryPoint:
     name : str
         As a user writes it, e.g. ``"findHomography(RANSAC)"``.
     problem : str
-        The planted problem to solve; a key of ``planted.PROBLEMS``.
+        The planted problem to solve; a key of ``planted.PROBLEMS`` or ``planted.RIG_PROBLEMS``.
     sample_size : int
         k as documented. The measurement also tries others.
     run : callable
@@ -105,6 +105,9 @@ class EntryPoint:
         which meet further measurements by chance.
     verifying : int
         How many of a sample only choose among the models that the others give.
+    n_strata : int
+        Strata of the planted problems, such as the cameras of a rig (``Planted.strata``), for a
+        function that knows them.
     """
 
     name: str
@@ -119,6 +122,7 @@ class EntryPoint:
     fewest_samples: int = 0
     spare: int = 1
     verifying: int = 0
+    n_strata: int = 1
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ the agreement is exact in libraries that convert to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,8 @@ class Planted:
         Group of each measurement, ``CLUTTER`` for none. The B group has the highest label.
     threshold : float
         Residual below which a measurement agrees, in the units of the data.
+    strata : ndarray of int, shape (n,)
+        Stratum of each measurement, such as its camera; all 0 where there is one.
     """
 
     problem: str
@@ -45,6 +47,7 @@ class Planted:
     y: NDArray[np.float64]
     labels: NDArray[np.int64]
     threshold: float
+    strata: NDArray[np.int64]
 
     @property
     def n_samples(self) -> int:
@@ -59,6 +62,13 @@ class Planted:
         if label == CLUTTER or not np.array_equal(inliers, self.labels == label):
             return None
         return label
+
+    def count(self, inliers: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+        """(inliers, measurements) of each stratum."""
+        return tuple(
+            (int(inliers[self.strata == stratum].sum()), int((self.strata == stratum).sum()))
+            for stratum in range(int(self.strata.max()) + 1)
+        )
 
 
 def _grid(values: float | NDArray[np.float64], bits: int) -> NDArray[np.float64]:
@@ -335,6 +345,58 @@ def _sphere(
     return _round(directions, labels, rng)
 
 
+def rig(n_cameras: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the rotation and the shift that bring points of a rig into each of its cameras.
+
+    Parameters
+    ----------
+    n_cameras : int
+        How many.
+    """
+    poses = []
+    for number in range(n_cameras):
+        angle = 0.125 * number
+        c, s = np.cos(angle), np.sin(angle)
+        rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        centre = np.array([0.75 * number, 0.25 * (number % 2), 0])
+        poses.append((rotation, -rotation @ centre))
+    return poses
+
+
+def _in_cameras(points: NDArray[np.float64], strata: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Project points of a rig to the pixels of the camera that sees each."""
+    pixels = np.empty((len(points), 2))
+    for number, (rotation, shift) in enumerate(rig(int(strata.max()) + 1)):
+        seen = strata == number
+        pixels[seen] = project(points[seen] @ rotation.T + shift)
+    return pixels
+
+
+def _rig_absolute_pose(
+    labels: NDArray[np.int64], rng: np.random.Generator, strata: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = _seen(len(labels), rng)
+    moved = points + rng.uniform(-0.3, 0.3, points.shape)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        rotation = _small_rotation(rng, 0.05)
+        moved[members] = points[members] @ rotation.T + rng.uniform(-0.2, 0.2, 3)
+    return points, _in_cameras(moved, strata)
+
+
+def _rig_relative_pose(
+    labels: NDArray[np.int64], rng: np.random.Generator, strata: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points = _seen(len(labels), rng)
+    moved = points + rng.uniform(-0.5, 0.5, points.shape)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        shift = rng.normal(size=3)
+        shift *= 0.5 / np.linalg.norm(shift)
+        moved[members] = points[members] @ _small_rotation(rng, 0.3).T + shift
+    return _in_cameras(points, strata), _in_cameras(moved, strata)
+
+
 Maker = Callable[
     ["NDArray[np.int64]", np.random.Generator], "tuple[NDArray[np.float64], NDArray[np.float64]]"
 ]
@@ -376,6 +438,30 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "affine3d": (_affine3d, 0.01),
 }
 
+RigMaker = Callable[
+    ["NDArray[np.int64]", np.random.Generator, "NDArray[np.int64]"],
+    "tuple[NDArray[np.float64], NDArray[np.float64]]",
+]
+
+# The same for rigs of cameras as `rig` makes them; the strata are the cameras, or pairs of
+# cameras of one number.
+RIG_PROBLEMS: dict[str, tuple[RigMaker, float]] = {
+    # world to image; x (n, 3), y (n, 2) in the measurement's camera
+    "rig_absolute_pose": (_rig_absolute_pose, 0.02),
+    # image to image; x (n, 2) in the camera of one rig, y (n, 2) in that of another
+    "rig_relative_pose": (_rig_relative_pose, 1e-3),
+}
+
+
+def evenly(n_samples: int, group_size: int, larger: int, n_strata: int) -> list[tuple[int, ...]]:
+    """Return the strata of `plant` that share everything as evenly as can be."""
+    return [
+        tuple(
+            (total + n_strata - 1 - number) // n_strata for total in (n_samples, group_size, larger)
+        )
+        for number in range(n_strata)
+    ]
+
 
 def plant(
     problem: str,
@@ -386,13 +472,14 @@ def plant(
     seed: int,
     *,
     first: str = "anything",
+    strata: Sequence[Sequence[int]] = (),
 ) -> Planted:
     """Make a planted problem.
 
     Parameters
     ----------
     problem : str
-        Key of ``PROBLEMS``.
+        Key of ``PROBLEMS`` or ``RIG_PROBLEMS``.
     n_samples : int
         n, the number of measurements.
     group_size : int
@@ -405,6 +492,9 @@ def plant(
         Fixes the data and their order.
     first : {"anything", "groups", "clutter"}
         What comes first in the order of the measurements.
+    strata : sequence of (n, A, B), optional
+        How many of all measurements, of each A and of B each stratum holds; one stratum holds
+        everything if left out.
 
     Returns
     -------
@@ -413,20 +503,33 @@ def plant(
     Raises
     ------
     ValueError
-        If the groups do not fit into ``n_samples``.
+        If the groups do not fit into ``n_samples``, or the strata do not add up.
     """
     sizes = [group_size] * n_groups + ([larger] if larger else [])
     if sum(sizes) > n_samples:
         raise ValueError(f"groups of {sizes} do not fit into {n_samples} measurements")
+    parts = [tuple(part) for part in strata] or [(n_samples, group_size, larger)]
+    if tuple(map(sum, zip(*parts, strict=True))) != (n_samples, group_size, larger):
+        raise ValueError(f"strata {parts} do not add up to {(n_samples, group_size, larger)}")
     rng = np.random.default_rng([seed, n_samples, group_size])
     labels = np.full(n_samples, CLUTTER, dtype=np.int64)
-    labels[: sum(sizes)] = np.repeat(np.arange(len(sizes)), sizes)
+    stratum = np.repeat(np.arange(len(parts)), [part[0] for part in parts])
+    for number, (n, smaller, most) in enumerate(parts):
+        of_groups = np.repeat(np.arange(len(sizes)), [smaller] * n_groups + [most] * bool(larger))
+        if len(of_groups) > n:
+            raise ValueError(f"the groups do not fit into stratum {number} of {parts}")
+        labels[np.flatnonzero(stratum == number)[: len(of_groups)]] = of_groups
     # Where a measurement lies must not depend on its group.
-    rng.shuffle(labels)
-    maker, threshold = PROBLEMS[problem]
-    x, y = maker(labels, rng)
+    shuffled = rng.permutation(n_samples)
+    labels, stratum = labels[shuffled], stratum[shuffled]
+    if problem in RIG_PROBLEMS:
+        rig_maker, threshold = RIG_PROBLEMS[problem]
+        x, y = rig_maker(labels, rng, stratum)
+    else:
+        maker, threshold = PROBLEMS[problem]
+        x, y = maker(labels, rng)
     order = rng.permutation(n_samples)
     if first != "anything":
         clutter = labels[order] == CLUTTER
         order = order[np.argsort(clutter if first == "groups" else ~clutter, kind="stable")]
-    return Planted(problem, x[order], y[order], labels[order], threshold)
+    return Planted(problem, x[order], y[order], labels[order], threshold, stratum[order])

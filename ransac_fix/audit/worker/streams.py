@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
-from ransac_fix.audit.worker.planted import Planted, plant
+from ransac_fix.audit.worker.planted import Planted, evenly, plant
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +37,8 @@ class Measured:
     """One exact point of a stopping rule.
 
     At ``u_low`` trial ``trials`` did not happen, at ``u_high`` it did, with a model of
-    ``n_inliers`` in hand since trial ``in_hand``.
+    ``n_inliers`` in hand since trial ``in_hand``; ``strata`` are its inliers and the measurements
+    of each stratum.
     """
 
     kind: str
@@ -48,6 +49,7 @@ class Measured:
     u_low: float
     u_high: float
     seed: int
+    strata: tuple[tuple[int, int], ...]
 
 
 class Discarded(Exception):  # noqa: N818 -- not an error: this stream cannot show the rule
@@ -215,6 +217,7 @@ def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
         u_of(confidence_of(low)),
         u_of(confidence_of(high)),
         stream.seed,
+        planted.count(before),
     )
 
 
@@ -272,16 +275,18 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
             high = middle
         else:
             low = middle
+    # Only A groups are planted, all alike, and one was in hand.
+    of_a = stream.planted.labels == 0
     return Measured(
         "count",
         stream.planted.n_samples,
-        # Only A groups are planted, and one was in hand.
-        int((stream.planted.labels == 0).sum()),
+        int(of_a.sum()),
         count,
         0,
         u_of(confidence_of(low)),
         u_of(confidence_of(high)),
         stream.seed,
+        stream.planted.count(of_a),
     )
 
 
@@ -294,7 +299,8 @@ def points(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
         The function.
     request : dict
         ``kind`` ("flip" or "count"), ``n_samples``, ``group_size``, ``n_groups``, ``wanted``
-        (points), ``streams`` (to try at most), ``largest``, ``smallest`` (trials), ``seed``.
+        (points), ``streams`` (to try at most), ``largest``, ``smallest`` (trials), ``seed``,
+        ``strata`` (of `plant`).
 
     Returns
     -------
@@ -317,6 +323,7 @@ def points(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
             request["n_groups"],
             0 if counting else size + 1,
             seed,
+            strata=[(n, a, 0 if counting else b) for n, a, b in request["strata"]],
         )
         stream = Stream(entry_point, planted, seed)
         try:
@@ -340,19 +347,24 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     entry_point : EntryPoint
         The function.
     request : dict
-        ``cases``: list of ``[n_samples, size of B, trials, what comes first]``, and ``seed``.
+        ``cases``: list of ``[n_samples, size of B, trials, what comes first, strata]``, where
+        the strata are pairs of the size of B and the measurements in each (evenly spread if
+        there are none), and ``seed``.
 
     Returns
     -------
     dict
-        ``hits``: one list ``[n_samples, size, trials, first, hit]`` a run; and ``runs``.
+        ``hits``: whether each run found the group; and ``runs``.
     """
     out = []
-    for index, (n_samples, size, trials, first) in enumerate(request["cases"]):
+    for index, (n_samples, size, trials, first, strata) in enumerate(request["cases"]):
         seed = request["seed"] + index
-        planted = plant(entry_point.problem, n_samples, size, 1, 0, seed, first=first)
+        parts = [(n, inliers, 0) for inliers, n in strata] or evenly(
+            n_samples, size, 0, entry_point.n_strata
+        )
+        planted = plant(entry_point.problem, n_samples, size, 1, 0, seed, first=first, strata=parts)
         stream = Stream(entry_point, planted, seed)
-        out.append([n_samples, size, trials, first, stream.finds_b(trials, LARGEST_CONFIDENCE)])
+        out.append(stream.finds_b(trials, LARGEST_CONFIDENCE))
     return {"hits": out, "runs": len(out)}
 
 
@@ -374,7 +386,9 @@ def larger(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     found = 0
     for index in range(request["streams"]):
         seed, size = request["seed"] + index, request["group_size"]
-        planted = plant(entry_point.problem, request["n_samples"], size, 1, size + 1, seed)
+        n = request["n_samples"]
+        parts = evenly(n, size, size + 1, entry_point.n_strata)
+        planted = plant(entry_point.problem, n, size, 1, size + 1, seed, strata=parts)
         found += Stream(entry_point, planted, seed).finds_b(request["trials"], LARGEST_CONFIDENCE)
     return {"found": found, "runs": request["streams"]}
 
@@ -410,8 +424,9 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
     entry_point : EntryPoint
         The function.
     request : dict
-        ``n_samples``, ``group_size``, ``n_groups``, ``trials`` (expected at the defaults),
-        ``streams``, ``seconds`` (no further stream is begun after), ``seed``.
+        ``n_samples``, ``group_size``, ``n_groups``, ``strata`` (of `plant`), ``trials``
+        (expected at the defaults), ``streams``, ``seconds`` (no further stream is begun after),
+        ``seed``.
 
     Returns
     -------
@@ -429,7 +444,13 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
         # B's count may end a run before the cap does, which shows in a count of trials.
         larger = 0 if entry_point.counted else size + 1
         planted = plant(
-            entry_point.problem, request["n_samples"], size, request["n_groups"], larger, seed
+            entry_point.problem,
+            request["n_samples"],
+            size,
+            request["n_groups"],
+            larger,
+            seed,
+            strata=[(n, a, b if larger else 0) for n, a, b in request["strata"]],
         )
         stream = Stream(entry_point, planted, seed)
         outcome = stream.run_at_defaults()
