@@ -69,7 +69,12 @@ class _System:
         for name in self.patch.modules:
             finder.wait_for_import(name)
             module = sys.modules.get(name)
-            if module is not None and not self._plan_holds(name):
+            if module is None or self.plan_holds(name):
+                continue
+            if finder.is_half_imported(module):
+                # This is called from its import: too early to judge it.
+                finder.watch_half_imported(name, imported)
+            else:
                 self.plan(module)
         if self.refusal is not None:
             raise PatchNotApplicable(self.refusal_line)
@@ -92,7 +97,7 @@ class _System:
             self.plans[name] = module, plan
             self.refusal = None
 
-    def _plan_holds(self, name: str) -> bool:
+    def plan_holds(self, name: str) -> bool:
         """Return whether a module's plan is for the functions that are there now."""
         module, plan = self.plans.get(name, (None, ()))
         if module is not sys.modules.get(name) or self.refusal is not None:
@@ -388,7 +393,8 @@ def imported(module: ModuleType) -> None:
             continue
         observer = system.observer
         if system.switch.in_use or observer is not None:
-            system.plan(module)
+            if not system.plan_holds(module.__name__):
+                system.plan(module)
             with _LOCK:
                 system.settle()
             if system.refusal is not None and system.switch.in_use:

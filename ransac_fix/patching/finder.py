@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 
     Callback: TypeAlias = Callable[[ModuleType], None]
 
-__all__ = ["unwatch", "wait_for_import", "watch"]
+__all__ = ["is_half_imported", "unwatch", "wait_for_import", "watch", "watch_half_imported"]
 
 _watched: dict[str, Callback] = {}
 # Finders may look a name up again while they look it up: (thread, name) being looked up.
 _looking_up: set[tuple[int, str]] = set()
+# Modules whose import had begun before they were watched, and is still going on.
+_half: dict[str, Callback] = {}
 
 
 def watch(names: Iterable[str], callback: Callback) -> None:
@@ -61,12 +63,37 @@ def wait_for_import(name: str) -> None:
         wait(name)
 
 
+def is_half_imported(module: ModuleType) -> bool:
+    """Return whether a module is in the middle of being imported."""
+    return bool(getattr(getattr(module, "__spec__", None), "_initializing", False))
+
+
+def watch_half_imported(name: str, callback: Callback) -> None:
+    """Call `callback` with a module that is being imported, once that is done.
+
+    Nothing tells when it is: the module is looked at whenever another import begins.
+    """
+    _half[name] = callback
+
+
+def _look_at_half_imported() -> None:
+    for name in list(_half):
+        module = sys.modules.get(name)
+        if module is not None and is_half_imported(module):
+            continue
+        callback = _half.pop(name, None)
+        if callback is not None and module is not None:
+            callback(module)
+
+
 class _Finder:
     """The meta-path finder. One instance, there while anything is watched."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
+        if _half:
+            _look_at_half_imported()
         if fullname not in _watched:
             return None
         key = get_ident(), fullname

@@ -410,18 +410,3 @@ def test_status_is_frozen_and_says_who_inherits(library: Library) -> None:
     assert f"{library.name} 2.1: patched, in this thread or task only" in text
     for word in ("Threads started inside the block", "joblib", "patched(threads=True)"):
         assert word in text
-
-
-def test_a_library_that_patches_itself_half_way(make_library: MakeLibrary) -> None:
-    """Patched from inside its own import, before the rule is defined."""
-    source = (
-        "import ransac_fix, warnings\n"
-        "with warnings.catch_warnings(record=True) as caught:\n"
-        "    warnings.simplefilter('always')\n"
-        "    ransac_fix.patch()\n" + LIBRARY
-    )
-    library = make_library(source)
-    module = library.robust()
-    assert "has no function estimate" in str(module.caught[0].message)
-    ransac_fix.patch(library.name)
-    assert library.trials() == EXACT

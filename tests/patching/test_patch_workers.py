@@ -151,6 +151,31 @@ def test_worker_processes_inherit(acme: Path, run: RunPython, way: str) -> None:
     assert set(found.values()) == {str(EXACT)}, found
 
 
+DATA_LOADER = """
+import torch
+
+class Data(torch.utils.data.Dataset):
+    def __len__(self):
+        return 4
+    def __getitem__(self, index):
+        import acme.robust
+        return acme.robust.estimate(6, 20, 2)
+
+if __name__ == "__main__":
+    for context in ("fork", "spawn"):
+        loader = torch.utils.data.DataLoader(
+            Data(), num_workers=2, multiprocessing_context=context
+        )
+        print(context, *{float(batch) for batch in loader})
+"""
+
+
+def test_data_loader_workers_inherit(acme: Path, run: RunPython) -> None:
+    (acme / "workers.py").write_text(DATA_LOADER)
+    done = run("-m", "ransac_fix", "run", "workers.py")
+    assert done.stdout.splitlines() == [f"fork {EXACT}", f"spawn {EXACT}"], done.stderr
+
+
 def test_patch_alone_is_not_inherited_by_fresh_processes(acme: Path, run: RunPython) -> None:
     (acme / "workers.py").write_text(
         WORKERS.format(first="import ransac_fix; ransac_fix.patch()", undo=False)

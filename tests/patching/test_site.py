@@ -3,7 +3,7 @@
 import os
 import shutil
 import subprocess
-import sysconfig
+import sys
 import venv
 from importlib import import_module
 from pathlib import Path
@@ -36,8 +36,9 @@ class Environment:
         metadata.mkdir()
         (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: ransac-fix\nVersion: 0\n")
         (metadata / "entry_points.txt").write_text(ENTRY_POINTS)
-        # A path and no more: .pth files in there are not read.
-        (self.packages / "libraries.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+        # Paths and no more: .pth files in there are not read.
+        libraries = [path for path in sys.path if path.endswith("-packages")]
+        (self.packages / "libraries.pth").write_text("\n".join(libraries) + "\n")
         package = self.packages / "acme"
         package.mkdir()
         (package / "__init__.py").write_text("__version__ = '2.1'\n")
