@@ -29,6 +29,7 @@ class _Functions:
     def __init__(self, pycolmap: Any) -> None:
         self.pycolmap = pycolmap
         self._has_seed = hasattr(pycolmap.RANSACOptions(), "random_seed")
+        self.seeded = self._has_seed or hasattr(pycolmap, "set_random_seed")
         self.camera = pycolmap.Camera(
             model="SIMPLE_PINHOLE", width=1024, height=1024, params=[FOCAL, CENTRE, CENTRE]
         )
@@ -59,13 +60,14 @@ class _Functions:
 
         return run
 
-    def essential(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
-        options = self.options(planted, settings, seed)
-        return self._masked(
-            self.pycolmap.estimate_essential_matrix(
-                planted.x, planted.y, self.camera, self.camera, options
-            )
-        )
+    def essential(self, name: str) -> Any:
+        function = getattr(self.pycolmap, name)
+
+        def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+            options = self.options(planted, settings, seed)
+            return self._masked(function(planted.x, planted.y, self.camera, self.camera, options))
+
+        return run
 
     def relative_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = self.options(planted, settings, seed)
@@ -75,12 +77,15 @@ class _Functions:
             )
         )
 
-    def absolute_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
-        options = self.pycolmap.AbsolutePoseEstimationOptions()
-        options.ransac = self.options(planted, settings, seed)
-        return self._masked(
-            self.pycolmap.estimate_absolute_pose(planted.y, planted.x, self.camera, options)
-        )
+    def absolute_pose(self, name: str) -> Any:
+        function = getattr(self.pycolmap, name)
+
+        def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+            options = self.pycolmap.AbsolutePoseEstimationOptions()
+            options.ransac = self.options(planted, settings, seed)
+            return self._masked(function(planted.y, planted.x, self.camera, options))
+
+        return run
 
     def space_to_space(self, name: str) -> Any:
         function = getattr(self.pycolmap, name)
@@ -123,20 +128,28 @@ def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
     table: tuple[tuple[str, str, int, Callable[[str], Any], int], ...] = (
         ("estimate_homography_matrix", "homography", 4, functions.image_to_image, 1),
         ("estimate_fundamental_matrix", "fundamental", 7, functions.image_to_image, 2),
-        ("estimate_essential_matrix", "essential", 5, lambda _: functions.essential, 2),
+        ("estimate_essential_matrix", "essential", 5, functions.essential, 2),
         ("estimate_relative_pose", "essential", 5, lambda _: functions.relative_pose, 2),
-        ("estimate_absolute_pose", "absolute_pose", 3, lambda _: functions.absolute_pose, 1),
+        ("estimate_absolute_pose", "absolute_pose", 3, functions.absolute_pose, 1),
         ("estimate_affine2d_robust", "affine", 3, functions.image_to_image, 1),
         ("estimate_rigid3d_robust", "rigid3d", 3, functions.space_to_space, 1),
         ("estimate_sim3d_robust", "similarity3d", 3, functions.space_to_space, 1),
     )
-    return [
-        EntryPoint(name, problem, k, make(name), defaults, spare=spare)
-        for name, problem, k, make, spare in table
-        if hasattr(pycolmap, name)
+    listed: list[EntryPoint | Unmeasured] = []
+    for name, problem, k, make, spare in table:
+        # The names up to 3.10.
+        old = f"{name.removeprefix('estimate_')}_estimation"
+        found = next((one for one in (name, old) if hasattr(pycolmap, one)), None)
         # Up to 3.x it took rays only.
-        and (name != "estimate_relative_pose" or "camera1" in getattr(pycolmap, name).__doc__)
-    ]
+        if found is None or (
+            name == "estimate_relative_pose" and "camera1" not in getattr(pycolmap, name).__doc__
+        ):
+            continue
+        if functions.seeded:
+            listed.append(EntryPoint(found, problem, k, make(found), defaults, spare=spare))
+        else:
+            listed.append(Unmeasured(found, "its generator cannot be seeded before 3.10"))
+    return listed
 
 
 PROBE = Probe("colmap", "pycolmap", ("pycolmap",), _entry_points)

@@ -2,6 +2,9 @@
 
 The public names are loaded when they are first used, so that ``import ransac_fix`` costs
 nothing in a program that only wants its libraries patched.
+
+With a pytest plugin in the package, pytest would warn that it was imported too early to have its
+assertions rewritten wherever `ransac-fix site enable` is in force: PYTEST_DONT_REWRITE.
 """
 
 from ransac_fix._version import __version__

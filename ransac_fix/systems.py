@@ -51,8 +51,6 @@ class System:
         What to beware of.
     distributions, modules, debian : tuple of str
         Its names on PyPI, in Python, and in Debian.
-    fixed_in : str or None
-        The first release of ``distributions[0]`` with the exact rule.
     sites : tuple of Site
         Where the rules stand in source.
     """
@@ -67,7 +65,6 @@ class System:
     distributions: tuple[str, ...] = ()
     modules: tuple[str, ...] = ()
     debian: tuple[str, ...] = ()
-    fixed_in: str | None = None
     sites: tuple[Site, ...] = ()
 
 

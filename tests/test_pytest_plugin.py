@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import ransac_fix
 from ransac_fix.audit import session
 from ransac_fix.audit.model import Control, Report, Verdict
 
@@ -154,6 +155,11 @@ def test_choosing_tests_leaves_it_out(audited, pytester, arguments):
     result, asked = audited(report(SHORT), "ransac_fix_audit = opencv", *arguments)
     assert result.ret == 0
     assert asked == []
+
+
+def test_pytest_does_not_mind_a_package_imported_at_start_up():
+    """Of an installed wheel pytest would rewrite the assertions, and warn that it is too late."""
+    assert "PYTEST_DONT_REWRITE" in ransac_fix.__doc__
 
 
 def test_starting_pytest_stays_light():

@@ -27,9 +27,54 @@ def build():
     return module
 
 
-def test_the_table_is_what_the_stored_results_make():
+def test_the_table_and_the_pages_are_what_the_stored_results_make():
     script = build()
-    assert script.verdict_table(script.stored_results()) == script.VERDICTS.read_text("utf-8")
+    results = script.stored_results()
+    assert script.verdict_table(results) == script.VERDICTS.read_text("utf-8")
+    for name, text in script.pages(results).items():
+        assert (BUILD.parent / name).read_text("utf-8") == text
+    for name, releases in results.items():
+        assert (BUILD.parent / f"{name}.json").read_text("utf-8") == script.result_text(releases)
+    made = {f"{name}.{kind}" for name in results for kind in ("json", "md")}
+    assert {path.name for path in BUILD.parent.iterdir() if path.is_file()} == {
+        *("build.py", "index.md"),
+        *made,
+    }
+
+
+# What is known from elsewhere: upstream's history, and earlier measurements.
+KNOWN = [
+    ("pycolmap", "3.11.1", "estimate_homography_matrix", "undersamples", "(I/n)^4"),
+    ("pycolmap", "3.12.0", "estimate_homography_matrix", "exact", "C(I,4)/C(n,4)"),
+    ("pytheia", "0.2.5", "EstimateHomography", "undersamples", "(I/n)^4"),
+    ("pytheia", "0.2.6", "EstimateHomography", "oversamples", "C(int(I/n*n),4)/C(n,4)"),
+    ("pydegensac", "0.3.0", "findFundamentalMatrix", "undersamples", "C((I+1),7)/C(n,7)"),
+    ("kornia", "0.9.0", "RANSAC", "exact", "C(I,4)/C(n,4)"),
+    ("poselib", "2.0.5", "estimate_homography", "undersamples", "(I/n)^4"),
+    ("scikit-image", "0.20.0", "ransac", "undersamples", "(I/n)^2"),
+    ("scikit-learn", "1.9.1", "RANSACRegressor", "undersamples", "(I/n)^2"),
+]
+
+
+@pytest.mark.parametrize(("distribution", "version", "function", "verdict", "rule"), KNOWN)
+def test_the_table_holds_what_is_known(distribution, version, function, verdict, rule):
+    found = verdicts_for(distribution, version, function)
+    assert found
+    assert all(one.verdict == verdict and rule in one.formula for one in found)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "version", "fixed"),
+    [
+        ("pycolmap", "3.11.1", "3.12.0"),
+        ("kornia", "0.8.2", "0.9.0"),
+        ("pytheia", "0.2.5", "0.2.6"),
+        ("opencv-python", "4.8.0.76", None),
+        ("poselib", "2.0.5", None),
+    ],
+)
+def test_the_release_to_upgrade_to(distribution, version, fixed):
+    assert fixed_release(distribution, version) == fixed
 
 
 def test_every_stored_system_is_known_by_its_distribution():

@@ -105,7 +105,7 @@ def advise(
     max_trials_name : str
         How the library spells its cap.
     fixed_in : str or None
-        First release with the exact rule.
+        First newer release that does not undersample.
     """
     parts = []
     if verdict == "undersamples" and fixed_in:

@@ -27,6 +27,7 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.errors import RansacFixError
 from ransac_fix.systems import find_system, load_systems
+from ransac_fix.verdicts import fixed_release
 
 GROUP = "ransac_fix.probes"
 _CONTROL_PROBE = Path(__file__).parent / "control_probe.py"
@@ -358,7 +359,7 @@ def _audit_entry_point(
             checked,
             one["n_strata"],
         )
-        fixed_in = find_system(system).fixed_in if verdict == "undersamples" else None
+        fixed_in = fixed_in_release(system, version, one["name"])
         advice = advise(verdict, defaults, declared["max_trials_name"], fixed_in)
     return Verdict(
         system,
@@ -375,6 +376,25 @@ def _audit_entry_point(
         runs,
         round(time.monotonic() - started, 3),
     )
+
+
+def fixed_in_release(system: str, version: str | None, entry_point: str) -> str | None:
+    """Return the first newer release that was measured not to undersample any more.
+
+    Parameters
+    ----------
+    system, version, entry_point : str
+        What is in use; the version of a library that is no release is None.
+
+    Returns
+    -------
+    str or None
+        None where there is none, or none was measured.
+    """
+    known = next((one for one in load_systems() if one.name == system), None)
+    if version is None or known is None or not known.distributions:
+        return None
+    return fixed_release(known.distributions[0], version, entry_point)
 
 
 def _check_defaults(

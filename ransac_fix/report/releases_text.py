@@ -8,11 +8,10 @@ from ransac_fix.report.verdicts_text import STYLES, WIDEST
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 
 def print_releases(report: ReleaseReport, console: "Console") -> None:
-    """Print the audit: a table a distribution, the changes below it.
+    """Print the audit: every release with its rules, and the changes of each distribution.
 
     Parameters
     ----------
@@ -25,17 +24,14 @@ def print_releases(report: ReleaseReport, console: "Console") -> None:
 
     console.width = min(console.width, WIDEST)
     for distribution, of_one in groupby(report.releases, key=lambda one: one.distribution):
-        releases = list(of_one)
-        console.print(Text(f"{distribution}, Python {releases[0].python}", style="bold"))
-        console.print(_table(releases))
-        for release in releases:
-            for remark in (release.remark, release.unmeasured and f"none: {release.unmeasured}"):
-                if remark:
-                    console.print(Text(f"{release.version}: {remark}", style="dim"))
-        for change in report.changes:
-            if change.distribution == distribution:
-                console.print(Text(change_line(change)))
+        for release in of_one:
+            _print_release(release, console)
         console.print()
+        changes = [one for one in report.changes if one.distribution == distribution]
+        for change in changes:
+            console.print(Text(change_line(change)))
+        if changes:
+            console.print()
     for control in report.controls:
         if not control.passed:
             line = f"control failed: {control.name}: put in {control.expected}, "
@@ -43,26 +39,27 @@ def print_releases(report: ReleaseReport, console: "Console") -> None:
     console.print(Text(summary_line(report)))
 
 
-def _table(releases: list[Release]) -> "Table":
-    from rich.table import Table
+def _print_release(release: Release, console: "Console") -> None:
+    from rich.padding import Padding
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("release", "entry point", "verdict"):
-        table.add_column(title, no_wrap=title != "entry point", overflow="fold")
-    table.add_column("rule", overflow="fold")
-    for release in releases:
-        if not release.verdicts:
-            table.add_row(release.version, "", Text("not measured", style=STYLES["not measured"]))
-        for position, verdict in enumerate(release.verdicts):
-            law = verdict.stopping_law
-            table.add_row(
-                release.version if position == 0 else "",
-                verdict.entry_point,
-                Text(verdict.verdict, style=STYLES[verdict.verdict]),
-                law.formula if law is not None else verdict.reason,
-            )
-    return table
+    head = Text(f"{release.distribution} {release.version}", style="bold")
+    head.append(f"  Python {release.python}", style="dim")
+    if release.remark:
+        head.append(f", {release.remark}", style="dim")
+    console.print(head)
+    lines = [
+        Text.assemble(
+            (verdict.verdict, STYLES[verdict.verdict]),
+            f"  {verdict.entry_point}  ",
+            verdict.reason if verdict.stopping_law is None else verdict.stopping_law.formula,
+        )
+        for verdict in release.verdicts
+    ]
+    if not lines:
+        lines = [Text.assemble(("not measured", STYLES["not measured"]), f"  {release.unmeasured}")]
+    for line in lines:
+        console.print(Padding(line, (0, 0, 0, 2), expand=False))
 
 
 def change_line(change: Change) -> str:

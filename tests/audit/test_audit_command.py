@@ -19,6 +19,7 @@ from rich.console import Console
 
 from ransac_fix.audit import session
 from ransac_fix.audit.expectations import load_expectations
+from ransac_fix.audit.judge import advise
 from ransac_fix.audit.model import (
     AtDefaults,
     Control,
@@ -314,3 +315,22 @@ def test_options_that_do_not_go_together(arguments, complaint):
     run = CliRunner().invoke(audit_command.command, arguments)
     assert run.exit_code == 2
     assert complaint in run.output
+
+
+@pytest.mark.parametrize(
+    ("system", "version", "entry_point", "fixed"),
+    [
+        ("kornia", "0.8.2", "RANSAC(homography)", "0.9.0"),
+        ("colmap", "3.11.1", "estimate_homography_matrix", "3.12.0"),
+        ("colmap", "4.2.1", "estimate_homography_matrix", None),
+        ("colmap", None, "estimate_homography_matrix", None),
+        ("opencv", "5.0.0.93", "findHomography(RANSAC)", None),
+        ("somebody's own", "1.0", "fit", None),
+    ],
+)
+def test_upgrading_is_advised_where_a_newer_release_was_measured(
+    system, version, entry_point, fixed
+):
+    assert session.fixed_in_release(system, version, entry_point) == fixed
+    advice = advise("undersamples", None, "max_trials", fixed)
+    assert advice == (f"Fixed in {fixed}: upgrade." if fixed else "")

@@ -5,9 +5,9 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -159,7 +159,7 @@ def measure_releases(
     started = time.monotonic()
     with _Bench(options, progress) as bench:
         wanted = [(one, version) for one in requests for version in bench.releases(one)]
-        with ThreadPoolExecutor(_cpus()) as pool:
+        with _pool() as pool:
             controls = pool.submit(measure_controls, options.options)
             waiting = [pool.submit(bench.measure, *one) for one in dict.fromkeys(wanted)]
             releases = [one.result() for one in waiting]
@@ -193,7 +193,7 @@ def find_changes(
     started = time.monotonic()
     with _Bench(options, progress) as bench:
         histories = [(one, bench.releases(one)) for one in requests]
-        with ThreadPoolExecutor(_cpus()) as pool:
+        with _pool() as pool:
             controls = pool.submit(measure_controls, options.options)
             waiting = [
                 pool.submit(bisect, versions, partial(bench.measure, one))
@@ -254,7 +254,6 @@ class _Bench:
 
     def measure(self, asked: Asked, version: str) -> Release:
         """Measure one release, or look up what was measured of it."""
-        probe_file = probe_files()[asked.system]
         release = Release(
             asked.system,
             asked.distribution,
@@ -263,7 +262,7 @@ class _Bench:
             None,
             None,
             (),
-            probe_version(probe_file),
+            probe_version(probe_files()[asked.system]),
             datetime.now(UTC).date().isoformat(),
             "",
             "",
@@ -272,39 +271,42 @@ class _Bench:
         named = f"{asked.distribution}=={version}"
         try:
             (wheel,) = self._packages.resolve([named], dependencies=False)
-            release = replace(release, wheel=wheel.file, sha256=wheel.sha256)
-            chosen = self._options.options
-            choice = (
-                *chosen.entry_points,
-                str(chosen.quick),
-                str(chosen.problems),
-                self._constraint,
-            )
-            key = key_of(release, *choice)
-            known = self._results.get(key)
-            if known is not None:
-                self._progress(f"{named} (measured on {known.measured_on})")
-                return known
-            release = self._measured(release, [_WORKER_NEEDS])
-            if not _anything(release) and _has_new_numpy(release):
-                # Old wheels are compiled for NumPy 1; some crash with 2 without saying why.
-                older = self._measured(release, [_OLD_NUMPY])
-                if _anything(older):
-                    remark = f"with {_OLD_NUMPY}; with NumPy 2: {_first_reason(release)}"
-                    release = replace(older, remark=remark)
-            self._results.put(key, release)
+            release = self._known_or_tried(replace(release, wheel=wheel.file, sha256=wheel.sha256))
         except Unavailable as why:
             release = replace(release, unmeasured=str(why))
-        if all(verdict.entry_point == "-" for verdict in release.verdicts):
-            release = replace(
-                release, unmeasured=release.unmeasured or _first_reason(release), verdicts=()
-            )
+        if not release.unmeasured and not _has_entry_points(release):
+            release = replace(release, unmeasured=_first_reason(release), verdicts=())
         self._progress(named)
         return release
 
-    def _measured(self, release: Release, needs: list[str]) -> Release:
+    def _known_or_tried(self, release: Release) -> Release:
+        chosen = self._options.options
+        choice = (*chosen.entry_points, str(chosen.quick), str(chosen.problems), self._constraint)
+        key = key_of(release, *choice)
+        known = self._results.get(key)
+        if known is not None:
+            return known
+        release = self._tried(release)
+        self._results.put(key, release)
+        return release
+
+    def _tried(self, release: Release) -> Release:
+        """Measure a release, with an old NumPy if nothing works with the one that it gets."""
+        found = self._measured(release, _WORKER_NEEDS)
+        if _anything(found) or not _has_new_numpy(found):
+            return found
+        try:
+            # Old wheels are compiled for NumPy 1; some crash with 2 without saying why.
+            older = self._measured(release, _OLD_NUMPY)
+        except Unavailable:
+            return found
+        if not _anything(older):
+            return found
+        return replace(older, remark=f"with {_OLD_NUMPY}; with NumPy 2: {_first_reason(found)}")
+
+    def _measured(self, release: Release, numpy: str) -> Release:
         named = f"{release.distribution}=={release.version}"
-        wheels = self._packages.resolve([named, *needs])
+        wheels = self._packages.resolve([named, numpy])
         others = [one for one in wheels if not _is(one, release.distribution)]
         wheels = [one for one in wheels if _is(one, release.distribution)] + others
         with self._environments.holding(wheels) as python:
@@ -319,6 +321,10 @@ class _Bench:
 
 def _anything(release: Release) -> bool:
     return any(verdict.verdict != "not measured" for verdict in release.verdicts)
+
+
+def _has_entry_points(release: Release) -> bool:
+    return any(verdict.entry_point != "-" for verdict in release.verdicts)
 
 
 def _first_reason(release: Release) -> str:
@@ -341,7 +347,15 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _cpus() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+@contextmanager
+def _pool() -> Iterator[ThreadPoolExecutor]:
+    """Give threads for the CPUs there are; what has not begun when one fails is left out."""
+    # Fewer than there are where the user says so, as with taskset.
+    limited = hasattr(os, "sched_getaffinity")
+    cpus = len(os.sched_getaffinity(0)) if limited else os.cpu_count()
+    with ThreadPoolExecutor(cpus) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

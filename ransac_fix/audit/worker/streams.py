@@ -29,7 +29,7 @@ NOT_FOUND = "the larger model was not found within the budget"
 NEVER_STOPS = "the rule never stops before the larger model"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
 # Runs of one stream that is another each time.
-_REPEATS = 8
+_REPEATS = 16
 
 
 @dataclass(frozen=True)

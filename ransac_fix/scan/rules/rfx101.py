@@ -276,11 +276,9 @@ def _listed(versions: Iterable[str]) -> str:
 
 
 def _remedy(system: System, release: Release | None, function: str) -> str:
-    better = None
-    if release is not None and release.version is not None:
-        better = fixed_release(release.distribution, release.version, function)
-    elif system.fixed_in is not None:
-        better = system.fixed_in
+    # Of a release that is not known, any may be in use.
+    version = "0" if release is None or release.version is None else release.version
+    better = fixed_release(system.distributions[0], version, function)
     if better is not None:
         return f"upgrade to {better}"
     if system.name in _patched():
