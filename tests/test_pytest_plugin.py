@@ -98,7 +98,7 @@ reason = "known"
     [
         (report(SHORT), "undersamples", None),
         (report(replace(SHORT, verdict="not measured")), "not measured", None),
-        (report(replace(SHORT, verdict="exact")), "undersamples", "exact, not undersamples as"),
+        (report(replace(SHORT, verdict="exact")), "undersamples", "expected but not seen"),
         (report(SHORT), "exact", "undersamples, not exact as expected"),
         (report(EXACT), "undersamples", "expected but not seen: opencv *: undersamples"),
     ],

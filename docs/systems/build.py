@@ -18,7 +18,8 @@ from typing import Any
 from packaging.version import Version
 
 from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
-from ransac_fix.report.verdicts_markdown import MARKS, escaped
+from ransac_fix.report.markdown import escaped
+from ransac_fix.report.verdicts_markdown import MARKS
 from ransac_fix.systems import System, load_systems
 
 HERE = Path(__file__).parent

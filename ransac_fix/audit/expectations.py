@@ -126,7 +126,9 @@ def compare(
 ) -> Surprises:
     """Compare an audit with what was expected.
 
-    An expectation for one entry point goes before one for all of its system.
+    An expectation for one entry point goes before one for all of its system, and holds to the
+    letter. One for all of a system is met when one of its entry points has the verdict; the others
+    may be better.
 
     Parameters
     ----------
@@ -150,9 +152,13 @@ def compare(
             if verdict.verdict in fail_on:
                 unexpected.append(Unexpected(verdict, None))
             continue
-        met.add(index)
-        expected = expectations[index].verdict
-        if expected != verdict.verdict:
-            unexpected.append(Unexpected(verdict, expected))
+        expected = expectations[index]
+        for_all = expected.entry_point == "*"
+        if expected.verdict == verdict.verdict:
+            met.add(index)
+        elif not for_all or verdict.verdict in fail_on:
+            unexpected.append(Unexpected(verdict, expected.verdict))
+        if not for_all:
+            met.add(index)
     unmet = tuple(one for index, one in enumerate(expectations) if index not in met)
     return Surprises(tuple(unexpected), unmet)

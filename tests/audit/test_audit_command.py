@@ -217,15 +217,40 @@ def test_expectations_decide_what_fails(monkeypatch, tmp_path, entry_point, verd
     assert said in run.stderr
 
 
-def test_a_library_that_was_made_exact_is_no_longer_as_expected(monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("entry_point", "said"),
+    [
+        ("findHomography(RANSAC)", "findHomography(RANSAC): exact, not undersamples as expected"),
+        ("*", "expected but not seen: opencv *: undersamples"),
+    ],
+)
+def test_a_library_that_was_made_exact_is_no_longer_as_expected(
+    monkeypatch, tmp_path, entry_point, said
+):
     """Upstream fixed it: the expectation can go."""
     fixed = replace(VERDICT, verdict="exact")
     monkeypatch.setattr(session, "audit", lambda options, progress: report(fixed))
     file = tmp_path / "audit.toml"
-    file.write_text(EXPECT.format(entry_point="*", verdict="undersamples"))
+    file.write_text(EXPECT.format(entry_point=entry_point, verdict="undersamples"))
     run = CliRunner().invoke(audit_command.command, ["--expect", str(file)])
     assert run.exit_code == 1
-    assert "findHomography(RANSAC): exact, not undersamples as expected" in run.stderr
+    assert said in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("expected", "code"), [("undersamples", 0), ("not measured", 1), ("other rule", 1)]
+)
+def test_one_expectation_for_all_entry_points(monkeypatch, tmp_path, expected, code):
+    """What is better is no surprise; what fails and is not expected is."""
+    better = [
+        replace(VERDICT, entry_point=name, verdict=name)
+        for name in ("exact", "oversamples", "not measured")
+    ]
+    monkeypatch.setattr(session, "audit", lambda options, progress: report(VERDICT, *better))
+    file = tmp_path / "audit.toml"
+    file.write_text(EXPECT.format(entry_point="*", verdict=expected))
+    run = CliRunner().invoke(audit_command.command, ["--expect", str(file)])
+    assert run.exit_code == code, run.stderr
 
 
 def test_every_format_at_once_knows_what_was_expected(monkeypatch, tmp_path):
