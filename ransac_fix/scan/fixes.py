@@ -8,8 +8,9 @@ formatting, comments, line ends and encoding stay.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
@@ -180,7 +181,7 @@ def _through_calls(
         return f"{_ONLY_RATIO}, and {signature}"
     if not signature.calls:
         return f"{_ONLY_RATIO}, and {function.name} is not called in this file"
-    outliers = not isinstance(algebra.plain(ratio), Name)
+    outliers = not all(isinstance(one, Name) for one in _only(algebra.readings(ratio)))
     changed = _calls(read, signature, source, path, outliers=outliers)
     if isinstance(changed, str):
         return f"{_ONLY_RATIO}, and {changed}"
@@ -205,14 +206,21 @@ def _through_calls(
 
 
 def _parameter(ratio: Expr) -> str | None:
-    """Name the parameter that a ratio is: w itself, or e of 1 - e."""
-    match algebra.plain(ratio):
-        case Name(name=name):
-            return name
-        case Op(op="sub", args=(one, other)) if algebra.number(one) == 1.0:
-            plain = algebra.plain(other)
-            return plain.name if isinstance(plain, Name) else None
+    """Name the parameter that a ratio is, within bounds: w itself, or e of 1 - e."""
+    for reading in _only(algebra.readings(ratio)):
+        match reading:
+            case Name(name=name):
+                return name
+            case Op(op="sub", args=(one, other)) if algebra.number(one) == 1.0:
+                for inner in _only(algebra.readings(other)):
+                    return inner.name if isinstance(inner, Name) else None
     return None
+
+
+def _only(readings: Iterator[Expr]) -> tuple[Expr, ...]:
+    """Give what a value is where there is one way to read it."""
+    two = tuple(islice(readings, 2))
+    return two if len(two) == 1 else ()
 
 
 def _calls(

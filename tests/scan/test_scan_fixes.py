@@ -98,6 +98,18 @@ class Ransac:
 def trials(n_inliers, n_samples, k, s):
     return Ransac().update(n_inliers, n_samples, k, s)
 """,
+    "counts passed to a helper that bounds its ratio": """
+import numpy as np
+
+def _update(p, ep, model_points):  # of ransac
+    ep = max(ep, 0.0)
+    ep = min(ep, 1.0)
+    denom = 1.0 - np.power(1.0 - ep, model_points)
+    return np.log(1.0 - p) / np.log(denom)
+
+def trials(n_good, count, k, s):
+    return _update(s, (count - n_good) / count, k)
+""",
     "nested": """
 import math
 

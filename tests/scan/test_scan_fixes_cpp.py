@@ -168,6 +168,25 @@ extern "C" double trials(int n_inliers, int n_samples, int sample_size, double c
   return RequiredTrials(confidence, best_ratio, sample_size);
 }
 """,
+    "bounded_parameter.cpp": """
+#include <algorithm>
+#include <cmath>
+#define MAX(a, b) ((a) > (b) ? (a) : (b))
+#define MIN(a, b) ((a) < (b) ? (a) : (b))
+
+static double updateTrials(double p, double ep, int model_points) {
+  ep = MAX(ep, 0.);
+  ep = MIN(ep, 1.);
+  double denom = 1. - std::pow(1. - ep, model_points);
+  if (denom < 1e-300) return 0;
+  return std::log(1 - p) / std::log(denom);
+}
+
+// ransac
+extern "C" double trials(int good_count, int count, int sample_size, double confidence) {
+  return updateTrials(confidence, (double)(count - good_count) / count, sample_size);
+}
+""",
     "inverse_first.cpp": """
 #include <cmath>
 class Ransac {
