@@ -14,9 +14,10 @@ from itertools import islice
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
-from ransac_fix.scan.form import Expr, Name, Num, Op, Span
+from ransac_fix.scan.form import Expr, Name, Num, Op, Over, Span
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
+from ransac_fix.scan.sizes import size_drawn
 from ransac_fix.scan.source import Argument, Signature, Source, is_inside
 
 _ONLY_RATIO = "only the ratio of inliers is known here, not the two counts it is made of"
@@ -46,6 +47,9 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
     size = read.roles.get("sample_size")
     if not size:
         return "the sample size cannot be spelled here"
+    drawn = size_drawn(read)
+    if drawn is not None:
+        return f"{size} is not the size of the sample, {drawn}: see RFX004"
     support = source.support(target.span, path)
     if isinstance(support, str):
         return support
@@ -66,6 +70,10 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
         if isinstance(values, str):
             return values
         inliers, samples, doubt = values
+        if not doubt and _is_sum(counts.n_samples) and _is_sum(probability.exponent):
+            doubt = (
+                "; check that the sample is drawn from one set, not so many from each of several"
+            )
         message, safe = f"{_MESSAGE}{doubt}", not doubt
         call = source.probability(inliers, samples, size, target.span)
         edits = source.unused_without(site.assumed, target.span, call, path)
@@ -131,6 +139,16 @@ def _is_scaled(expr: Expr) -> bool:
     match algebra.plain(expr):
         case Op(op="mul" | "div", args=args):
             return any(algebra.number(arg) not in (None, 1.0) for arg in args)
+    return False
+
+
+def _is_sum(expr: Expr | None) -> bool:
+    """Whether a number is added up over a loop, such as one over several sets of data."""
+    match None if expr is None else algebra.plain(expr):
+        case Over(kind="sum"):
+            return True
+        case Op(op="add", args=args):
+            return any(_is_sum(arg) for arg in args)
     return False
 
 

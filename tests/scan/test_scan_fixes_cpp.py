@@ -452,3 +452,22 @@ def test_is_unsafe_where_something_must_be_looked_at(source):
     assert finding.fix is not None
     assert not finding.fix.safe
     assert "; check that" in finding.fix.message
+
+
+def test_counts_added_up_over_sets_are_not_taken_for_one_set():
+    source = """#include <cmath>
+#include <vector>
+double ransac_trials(const std::vector<std::vector<int>>& sets,
+                     const std::vector<std::vector<int>>& sample, int n_inliers) {
+  size_t n = 0;
+  for (size_t i = 0; i < sets.size(); i++) n += sets[i].size();
+  size_t k = 0;
+  for (size_t i = 0; i < sample.size(); i++) k += sample[i].size();
+  double w = static_cast<double>(n_inliers) / static_cast<double>(n);
+  return std::log(0.01) / std::log(1.0 - std::pow(w, static_cast<double>(k)));
+}
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.cpp", "c++", named=True))
+    assert finding.fix is not None
+    assert not finding.fix.safe
+    assert "check that the sample is drawn from one set" in finding.fix.message
