@@ -19,7 +19,7 @@ from ransac_fix.audit.worker.interface import (
     Settings,
     Unmeasured,
 )
-from ransac_fix.audit.worker.planted import FOCAL, Planted, bearings
+from ransac_fix.audit.worker.planted import FOCAL, Planted, bearings, rig
 
 _LIBRARY = native.Library(
     title="OpenGV",
@@ -57,7 +57,35 @@ _RANSAC = (
         0,
     ),
     ("Ransac<PointCloudSacProblem>", "point_cloud", "rigid3d", 3, 0),
+    ("Lmeds<AbsolutePoseSacProblem>(KNEIP)", "absolute_pose.kneip.lmeds", "absolute_pose", 4, 1),
 )
+
+
+# On the cameras of a rig: Ransac draws from all rays alike, MultiRansac from each camera in turn.
+_RIG = (
+    ("Ransac<AbsolutePoseSacProblem>(GP3P)", "rig.absolute_pose", "rig_absolute_pose", 4, 1),
+    (
+        "MultiRansac<MultiNoncentralAbsolutePoseSacProblem>",
+        "multi.absolute_pose",
+        "rig_absolute_pose",
+        4,
+        1,
+    ),
+)
+_CAMERAS = 2
+
+
+def _of_rig(planted: Planted) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the sides, in the frame of the rig where they are rays, its centre and the camera."""
+    sides = _sides(planted)
+    rays = (slice(0, 3),) if planted.x.shape[1] == 3 else (slice(0, 3), slice(3, 6))
+    centres = np.empty((planted.n_samples, 3))
+    for camera, (rotation, shift) in enumerate(rig(_CAMERAS)):
+        seen = planted.strata == camera
+        centres[seen] = -rotation.T @ shift
+        for ray in rays:
+            sides[seen, ray] = sides[seen, ray] @ rotation
+    return np.column_stack([sides, centres, planted.strata])
 
 
 def _sides(planted: Planted) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -77,9 +105,9 @@ def _threshold(planted: Planted) -> float:
     return 1 - math.cos(planted.threshold / FOCAL)
 
 
-def _driven(driver: native.Driver, name: str) -> Any:
+def _driven(driver: native.Driver, name: str, data: Any) -> Any:
     def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
-        return driver.run(name, _sides(planted), _threshold(planted), settings, seed)
+        return driver.run(name, data(planted), _threshold(planted), settings, seed)
 
     return run
 
@@ -88,19 +116,21 @@ def _ransac() -> list[EntryPoint | Unmeasured]:
     try:
         driver = _LIBRARY.start()
     except native.Unusable as why:
-        return [Unmeasured(name, str(why)) for name, *_ in _RANSAC]
+        return [Unmeasured(name, str(why)) for name, *_ in (*_RANSAC, *_RIG)]
     return [
         EntryPoint(
             name,
             problem,
             k,
-            _driven(driver, driven),
+            _driven(driver, driven, _of_rig if of_rig else _sides),
             _DEFAULTS,
             counted=True,
             spare=2 if verifying else 1,
             verifying=verifying,
+            n_strata=_CAMERAS if of_rig else 1,
         )
-        for name, driven, problem, k, verifying in _RANSAC
+        for of_rig, table in ((False, _RANSAC), (True, _RIG))
+        for name, driven, problem, k, verifying in table
     ]
 
 
@@ -108,8 +138,4 @@ def _find() -> SimpleNamespace | None:
     return SimpleNamespace(__version__=_LIBRARY.version()) if _LIBRARY.installed() else None
 
 
-def _entry_points(_: Any) -> list[EntryPoint | Unmeasured]:
-    return _ransac()
-
-
-PROBE = Probe("opengv", "pyopengv", (), _entry_points, find=_find)
+PROBE = Probe("opengv", "pyopengv", (), lambda _: _ransac(), find=_find)

@@ -82,7 +82,7 @@ def load_systems() -> tuple[System, ...]:
 
 
 def find_system(name: str) -> System:
-    """Return the system with this system, distribution or import name.
+    """Return the system with this system, distribution, import or Debian package name.
 
     Case does not matter, and ``-``, ``_`` and ``.`` are one, as in package names.
 
@@ -97,6 +97,7 @@ def find_system(name: str) -> System:
         lambda system: (system.name,),
         lambda system: system.distributions,
         lambda system: system.modules,
+        lambda system: system.debian,
     ):
         for system in systems:
             if wanted in map(_normalised, of_system(system)):

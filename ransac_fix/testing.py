@@ -10,6 +10,7 @@ problem                    x                          y                         
 =========================  =========================  ==========================  ==
 ``line``                   (n, 1) abscissa            (n, 1) ordinate             2
 ``plane``                  (n, 3) point               (n, 0) nothing              3
+``plane_patch``            (n, 3) point, groups close  (n, 0) nothing              3
 ``circle``                 (n, 2) point               (n, 0) nothing              3
 ``line3d``                 (n, 3) point               (n, 0) nothing              2
 ``sphere``                 (n, 3) point               (n, 0) nothing              4

@@ -38,6 +38,8 @@ def test_facts_use_the_vocabulary(system) -> None:
         ("PyColmap", "colmap"),
         ("kornia-rs", "kornia-rs"),
         ("kornia_rs", "kornia-rs"),
+        ("libpcl-dev", "pcl"),
+        ("python3-opengv", "opengv"),
     ],
 )
 def test_found_by_any_name(given: str, name: str) -> None:

@@ -59,12 +59,10 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
                 f"; for {first.n_inliers} of {first.n} they imply "
                 f"P = {found.implied_probability:.4g}"
             )
-        return "other rule", f"no known law passes through the points{implied}"
+        odd = f"; {_odd(sampler)}" if sampler.drawn == "not uniform" else ""
+        return "other rule", f"no known law passes through the points{implied}{odd}"
     if sampler.drawn == "not uniform":
-        return "other rule", (
-            f"assumes P = {assumption(law)}, but samples are not drawn uniformly: "
-            f"{sampler.hits} hits in {sampler.runs} runs where {sampler.expected:g} are expected"
-        )
+        return "other rule", f"assumes P = {assumption(law)}, but {_odd(sampler)}"
     direction = _compare(law, sampler, points)
     drawn = drawing_of(sampler).describe()
     if direction == 0:
@@ -89,6 +87,14 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
         if verdict == "exact":
             verdict = "oversamples"
     return verdict, reason
+
+
+def _odd(sampler: SamplerLaw) -> str:
+    """Say that no law known of a sampler fits."""
+    return (
+        f"samples are not drawn uniformly: {sampler.hits} hits in {sampler.runs} runs where "
+        f"{sampler.expected:g} are expected"
+    )
 
 
 def advise(

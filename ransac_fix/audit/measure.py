@@ -183,9 +183,10 @@ def _sampler_law(
     host: Asked, one: dict[str, Any], seed: int, *, once: bool = False
 ) -> tuple[SamplerLaw, int]:
     hits: list[sampling.Hit] = []
-    k, seeded, n_strata, verifying = (
-        one[key] for key in ("sample_size", "seeded", "n_strata", "verifying")
-    )
+    k, seeded, n_strata = (one[key] for key in ("sample_size", "seeded", "n_strata"))
+    known: dict[str, Any] = {
+        key: one[key] for key in ("verifying", "n_strata", "seeded", "size_seen")
+    }
     limits = {"spare": one["spare"], "fewest": one["fewest_samples"], "n_strata": n_strata}
     cases = plan.first_cases(k, seeded, **limits)
     pool = plan.case_pool(k, seeded, **limits)
@@ -199,20 +200,12 @@ def _sampler_law(
             seed=seed + 10_000 + len(hits),
         )
         hits += [sampling.Hit(case, hit) for case, hit in zip(cases, answer["hits"], strict=True)]
-        law = sampling.decide(hits, k, verifying, n_strata, seeded=seeded)
+        law = sampling.decide(hits, k, **known)
         if law.drawn != "undecided" or len(hits) >= _MOST_LOOKS:
             return law, len(hits)
-        cases = sampling.most_telling(
-            hits,
-            pool,
-            k,
-            max(_HELPING, len(hits) // 4),
-            verifying=verifying,
-            n_strata=n_strata,
-            seeded=seeded,
-        )
+        cases = sampling.most_telling(hits, pool, k, max(_HELPING, len(hits) // 4), **known)
         if not cases:
-            law = sampling.decide(hits, k, verifying, n_strata, seeded=seeded, last=True)
+            law = sampling.decide(hits, k, **known, last=True)
             return law, len(hits)
 
 

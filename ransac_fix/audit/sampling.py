@@ -50,6 +50,7 @@ def decide(
     n_strata: int = 1,
     *,
     seeded: bool = True,
+    size_seen: bool = False,
     last: bool = False,
 ) -> SamplerLaw:
     """Decide how samples are drawn, if the runs suffice.
@@ -71,6 +72,9 @@ def decide(
     seeded : bool, optional
         Whether runs are independent. On a fixed generator those of one trial on one n all look
         at the same sample.
+    size_seen : bool, optional
+        Whether every sample was seen to have `sample_size` measurements, so that no other size is
+        tried.
     last : bool, optional
         Whether nothing more can be learnt, so that less evidence must do.
 
@@ -81,7 +85,7 @@ def decide(
         all of those known are impossible.
     """
     tally = _Tally([hit.case for hit in hits], hits, seeded)
-    best, rival = tally.ranked(sample_size, verifying, n_strata)
+    best, rival = tally.ranked(sample_size, verifying, n_strata, size_seen)
     decided: Drawn = best.drawing.drawn
     error = 0.0 if rival is None else math.exp(rival.likelihood - best.likelihood)
     if tally.deviation(best, verifying) > _IMPOSSIBLE:
@@ -114,6 +118,7 @@ def most_telling(
     verifying: int = 0,
     n_strata: int = 1,
     seeded: bool = True,
+    size_seen: bool = False,
 ) -> list[Case]:
     """Return the runs that tell the likeliest law from the next likeliest soonest.
 
@@ -123,7 +128,7 @@ def most_telling(
         What was seen so far.
     pool : sequence of Case
         The kinds of run to choose from.
-    sample_size, verifying, n_strata, seeded
+    sample_size, verifying, n_strata, seeded, size_seen
         As in `decide`.
     count : int
         How many runs.
@@ -134,7 +139,7 @@ def most_telling(
         Fewer than `count`, or none, where no more can be learnt.
     """
     so_far = _Tally([hit.case for hit in hits], hits, seeded)
-    best, rival = so_far.ranked(sample_size, verifying, n_strata)
+    best, rival = so_far.ranked(sample_size, verifying, n_strata, size_seen)
     assert rival is not None
     if not seeded:
         ways = {best.drawing.drawn, rival.drawing.drawn}
@@ -218,7 +223,14 @@ def _chances(drawing: Drawing, cases: Sequence[Case]) -> Chances:
 
 
 def _without(drawing: Drawing, verifying: int) -> Drawing:
-    return Drawing(drawing.drawn, drawing.sample_size - verifying)
+    """Return the law of a sample without its last measurements, which only verify."""
+    kept = drawing.sample_size - verifying
+    quota: list[int] = []
+    for size in drawing.quota:
+        quota.append(min(size, kept - sum(quota)))
+    if drawing.drawn == "weighted":
+        quota = [size for size in quota if size]
+    return Drawing(drawing.drawn, kept, tuple(quota))
 
 
 class _Tally:
@@ -243,9 +255,11 @@ class _Tally:
         within = -np.expm1(self.trials * np.log1p(-np.minimum(chances, 1 - 1e-12)))
         return np.asarray(np.clip(within, _SURPRISE, 1 - _SURPRISE))
 
-    def ranked(self, sample_size: int, verifying: int, n_strata: int) -> tuple[_Law, _Law | None]:
+    def ranked(
+        self, sample_size: int, verifying: int, n_strata: int, size_seen: bool
+    ) -> tuple[_Law, _Law | None]:
         """Return the likeliest law, and the likeliest that is another."""
-        reach = 0 if verifying else 3 if n_strata == 1 else 1
+        reach = 0 if verifying or size_seen else 3 if n_strata == 1 else 1
         laws = []
         for size in range(max(1, sample_size - reach), sample_size + reach + 1):
             for drawing in drawings(size, n_strata):

@@ -13,6 +13,7 @@ from ransac_fix.errors import RansacFixError
 SAMPLE_SIZES = {
     "line": 2,
     "plane": 3,
+    "plane_patch": 3,
     "circle": 3,
     "line3d": 2,
     "sphere": 4,

@@ -1,6 +1,6 @@
 """The theory figures: curves to files, and the same numbers as a small table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -10,7 +10,6 @@ from ransac_fix.experiments.figures import (
     Panel,
     error_panels,
     success_panels,
-    tradeoff_panels,
     undersampling_panels,
 )
 from ransac_fix.report.drawing import LINE_STYLES, figure_settings, save_figure
@@ -21,12 +20,8 @@ if TYPE_CHECKING:
 
 # About this many of a curve's points get a marker.
 _MARKERS = 12
-_LANDMARKS = {
-    "n": (20.0, 50.0, 100.0, 200.0, 300.0),
-    "p": (0.1, 0.2, 0.3, 0.5, 0.7, 0.9),
-    "N": (10.0, 100.0, 1000.0),
-}
-_X_LABELS = {"n": "measurements $n$", "p": "inlier ratio $p$", "N": "mean trials $N$"}
+_LANDMARKS_N = (20, 50, 100, 200, 300)
+_LANDMARKS_P = (0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +34,7 @@ class TheoryFigure:
         What it shows.
     panels : callable
         Computes its curves.
-    over : "n", "p" or "N"
+    over : "n" or "p"
         The horizontal axis.
     y_label : str
         The vertical axis.
@@ -47,7 +42,7 @@ class TheoryFigure:
 
     title: str
     panels: Callable[[], tuple[Panel, ...]]
-    over: Literal["n", "p", "N"]
+    over: Literal["n", "p"]
     y_label: str
 
 
@@ -70,12 +65,6 @@ THEORY_FIGURES = {
         "n",
         r"$N_{e/a}=(N_e-N_a)/N_a$",
     ),
-    "figure-tradeoff": TheoryFigure(
-        "share of instances with an all-inlier sample over their mean trials, as s varies",
-        tradeoff_panels,
-        "N",
-        "all-inlier sample drawn",
-    ),
 }
 
 
@@ -83,7 +72,7 @@ def theory_figure_text(name: str) -> str:
     """Return the curves' values at a few landmarks, one table a panel."""
     figure = THEORY_FIGURES[name]
     parts = [figure.title]
-    landmarks = _LANDMARKS[figure.over]
+    landmarks: Sequence[float] = _LANDMARKS_P if figure.over == "p" else _LANDMARKS_N
     for panel in figure.panels():
         rows = []
         for curve in panel.curves:
@@ -131,7 +120,7 @@ def _draw_panel(axes: "Axes", panel: Panel, figure: TheoryFigure, name: str) -> 
             )
     axes.set_title(panel.title)
     axes.set_ylabel(figure.y_label)
-    axes.set_xlabel(_X_LABELS[figure.over])
+    axes.set_xlabel("inlier ratio $p$" if figure.over == "p" else "measurements $n$")
     if name == "figure-undersampling":
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda y, _: f"{100 * y:g} %")
@@ -139,10 +128,7 @@ def _draw_panel(axes: "Axes", panel: Panel, figure: TheoryFigure, name: str) -> 
         axes.set_ylim(0, 1.03)
     if name == "figure-success":
         axes.axhline(float(CONFIDENCE), color="#777777", linewidth=0.8)
-    if figure.over == "N":
-        axes.set_xscale("log")
-    else:
-        axes.set_xlim(0, 1 if figure.over == "p" else None)
+    axes.set_xlim(0, 1 if figure.over == "p" else None)
     axes.legend(handlelength=3.2)
 
 

@@ -164,8 +164,6 @@ CLAMPS = frozenset(
         "maximum",
         "min",
         "minimum",
-        "MAX",
-        "MIN",
         "Max",
         "Min",
     ]

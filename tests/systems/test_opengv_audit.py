@@ -50,6 +50,26 @@ def test_it_stops_as_if_samples_with_their_verifying_points_were_drawn_with_repl
         assert point.u / scale == pytest.approx(point.trials - 1, abs=0.1)
 
 
+def test_cameras_of_a_rig_are_drawn_from_alike_by_ransac_and_in_turn_by_multi_ransac(opengv):
+    host, entry_points, _ = opengv
+    pooled = measure(host, entry_points["Ransac<AbsolutePoseSacProblem>(GP3P)"])
+    assert (pooled.sampler.drawn, pooled.sampler.sample_size) == ("distinct", 4)
+    multi = measure(host, entry_points["MultiRansac<MultiNoncentralAbsolutePoseSacProblem>"])
+    assert (multi.sampler.drawn, multi.sampler.quota) == ("stratified", (2, 2))
+    for found in (pooled, multi):
+        # Both rules take all cameras together.
+        assert (found.fit.law.assumed, found.fit.law.sample_size) == ("approximate", 4)
+        assert found.fit.law.phi == (1.0, 1.0)
+        assert judge(found)[0] == "undersamples"
+
+
+def test_least_median_of_squares_has_no_rule(opengv):
+    host, entry_points, _ = opengv
+    found = measure(host, entry_points["Lmeds<AbsolutePoseSacProblem>(KNEIP)"])
+    assert found.defects == ("no rule",)
+    assert judge(found)[0] == "other rule"
+
+
 def test_a_default_budget_of_1000_runs_1001_trials(opengv):
     report = audit(Options(("opengv",), sys.executable, quick=True))
     (verdict,) = report.verdicts

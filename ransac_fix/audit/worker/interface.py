@@ -105,6 +105,8 @@ class EntryPoint:
         which meet further measurements by chance.
     verifying : int
         How many of a sample only choose among the models that the others give.
+    size_seen : bool
+        ``run`` raises where a sample does not hold ``sample_size`` measurements.
     n_strata : int
         Strata of the planted problems, such as the cameras of a rig (``Planted.strata``), for a
         function that knows them.
@@ -122,6 +124,7 @@ class EntryPoint:
     fewest_samples: int = 0
     spare: int = 1
     verifying: int = 0
+    size_seen: bool = False
     n_strata: int = 1
 
 

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ransac_fix.audit.worker.interface import Outcome
+from ransac_fix.folders import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -113,7 +114,7 @@ class Library:
         include = self.header.find()
         assert include is not None
         return (
-            _package_version(self.header.package, include / self.header.path)
+            package_version(self.header.package, include / self.header.path)
             or self._stated_version(include)
             or "unknown"
         )
@@ -164,7 +165,7 @@ class Library:
             *_link_directories(includes),
             *(f"-l{name}" for name in self.links),
         ]
-        binary = _cache() / f"{self.source.stem}-{self._key(command, compiler)}"
+        binary = cache_folder() / "drivers" / f"{self.source.stem}-{self._key(command, compiler)}"
         if binary.exists():
             # It may have been linked against what is no longer there.
             with contextlib.suppress(Unusable):
@@ -315,11 +316,19 @@ def _compiler() -> list[str] | None:
     return next(([found] for name in _COMPILERS if (found := shutil.which(name))), None)
 
 
-def _package_version(package: str, header: Path) -> str | None:
-    """Return the release of a Debian package, if the header is the one it installed."""
+def package_version(package: str, file: Path) -> str | None:
+    """Return the release of a Debian package, if it installed this file; else None.
+
+    Parameters
+    ----------
+    package : str
+        Its name.
+    file : Path
+        A file that it may have installed.
+    """
     listed = sorted(Path("/var/lib/dpkg/info").glob(f"{package}*.list"))
     for one in listed:
-        if one.stem.split(":")[0] == package and str(header) in one.read_text("utf-8").split("\n"):
+        if one.stem.split(":")[0] == package and str(file) in one.read_text("utf-8").split("\n"):
             return _first_line(["dpkg-query", "-W", "-f", "${Version}", one.stem]) or None
     return None
 
@@ -332,15 +341,6 @@ def _first_line(command: Sequence[str]) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.split("\n", 1)[0].strip()
-
-
-def _cache() -> Path:
-    """Return the folder for compiled drivers."""
-    if sys.platform == "darwin":
-        default = Path.home() / "Library" / "Caches"
-    else:
-        default = Path.home() / ".cache"
-    return Path(os.environ.get("XDG_CACHE_HOME") or default) / "ransac-fix" / "drivers"
 
 
 def _compile(command: Sequence[str], binary: Path, title: str) -> None:

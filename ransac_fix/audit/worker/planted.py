@@ -304,6 +304,19 @@ def _plane(
     return points, np.empty((len(labels), 0))
 
 
+def _plane_patch(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    points, nothing = _plane(labels, rng)
+    for label in range(labels.max() + 1):
+        members = labels == label
+        slope_x, slope_y, height = _grid(rng.uniform([-0.5, -0.5, -300], [0.5, 0.5, 300]), 8)
+        corner = rng.choice([-450, 250], 2)
+        points[members, :2] = corner + np.round(rng.uniform(0, 200, (members.sum(), 2)))
+        points[members, 2] = slope_x * points[members, 0] + slope_y * points[members, 1] + height
+    return points, nothing
+
+
 def _line3d(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -407,6 +420,8 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "line": (_line, 1e-6),
     # a x = d; x (n, 3), y (n, 0)
     "plane": (_plane, 1e-3),
+    # with the points of each group close together
+    "plane_patch": (_plane_patch, 1e-3),
     # |x - c| = r; x (n, 2), y (n, 0)
     "circle": (_circle, 0.01),
     # and in space; x (n, 3), y (n, 0)

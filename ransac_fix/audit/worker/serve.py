@@ -107,6 +107,7 @@ def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:
         "fewest_samples": one.fewest_samples,
         "spare": one.spare,
         "verifying": one.verifying,
+        "size_seen": one.size_seen,
         "n_strata": one.n_strata,
         "defaults": None if one.defaults is None else vars(one.defaults),
     }
