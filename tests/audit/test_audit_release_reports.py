@@ -157,6 +157,20 @@ def test_each_entry_point_is_searched():
     assert {(one.entry_point, one.after) for one in changes} >= {("a", "5"), ("b", "11")}
 
 
+def test_an_entry_point_that_was_renamed_is_followed_from_where_it_appears():
+    """As in pycolmap 3.11: the new name is not in the oldest release, the old not in the newest."""
+
+    def measure(version):
+        number = int(version)
+        judgement = "exact" if number >= 21 else "undersamples"
+        return release(version, verdict(judgement, "old" if number < 10 else "new"))
+
+    found = bisect([str(number) for number in range(64)], measure)
+    (change,) = report_on(found, (CONTROL,), 1.0).changes
+    assert (change.entry_point, change.before, change.after) == ("new", "20", "21")
+    assert len(found) <= 14
+
+
 # --- what is asked -------------------------------------------------------------------------
 
 

@@ -6,16 +6,17 @@ from itertools import pairwise
 from ransac_fix.audit.releases.model import Release
 
 _UNKNOWN = "not measured"
+_ABSENT = "absent"
 
 
 def bisect(versions: Sequence[str], measure: Callable[[str], Release]) -> list[Release]:
     """Measure as few releases as it takes to pin down each change that shows.
 
     The ends of the history are measured first. Between two releases that were measured one after
-    the other and differ in the verdict on some entry point, the one in the middle is measured
-    next, until there is none left between them. So every change that is found is narrowed down to
-    two neighbours, in histories that change back and forth, too. What changed and changed back
-    between two releases that agree is not found.
+    the other and differ in the verdict on some entry point, or of which one does not have it, the
+    one in the middle is measured next, until there is none left between them. So every change that
+    is found is narrowed down to two neighbours, in histories that change back and forth, too. What
+    changed and changed back between two releases that agree is not found.
 
     Parameters
     ----------
@@ -58,9 +59,14 @@ def _next(tried: Sequence[int], verdicts: Callable[[int], dict[str, str]]) -> in
     """
     known = {index: verdicts(index) for index in tried}
     for entry_point in dict.fromkeys(name for found in known.values() for name in found):
-        having = [i for i in tried if known[i].get(entry_point, _UNKNOWN) != _UNKNOWN]
-        for low, high in pairwise(having):
-            if known[low][entry_point] == known[high][entry_point]:
+        states = [
+            (index, state)
+            for index in tried
+            # Of a release that could not be built, not even this is known.
+            if known[index] and (state := known[index].get(entry_point, _ABSENT)) != _UNKNOWN
+        ]
+        for (low, before), (high, after) in pairwise(states):
+            if before == after:
                 continue
             between = [i for i in range(low + 1, high) if i not in known]
             if between:
