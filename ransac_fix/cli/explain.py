@@ -197,6 +197,15 @@ def _inliers(ratio: Fraction, n_samples: int) -> int:
         raise click.UsageError(f"{error}: give the count with --inliers") from None
 
 
+def _swept_inliers(ratio: Fraction, n_samples: int) -> int:
+    from ransac_fix.experiments.explanation import inliers_from_ratio
+
+    try:
+        return inliers_from_ratio(ratio, n_samples)
+    except ValueError as error:
+        raise click.UsageError(f"--sweep: {error}; FROM:TO:STEP leaves such values out") from None
+
+
 def _parse_sweep(text: str) -> tuple[str, list[Fraction] | tuple[Fraction, ...] | None]:
     """Return what is swept, and its values: a tuple where each was named, a list for a range."""
     over, _, values = text.partition("=")
@@ -233,7 +242,7 @@ def _swept(
             return sweep_inliers(problem)
         if not all(0 <= p <= 1 for p in values):
             raise click.UsageError("--sweep p: every ratio is from 0 to 1")
-        chosen = _whole(values, lambda p: _inliers(p, problem.n_samples), "p")
+        chosen = _whole(values, lambda p: _swept_inliers(p, problem.n_samples), "p")
         return sweep_inliers(problem, chosen)
     if values is None:
         return sweep_measurements(problem)
@@ -245,7 +254,7 @@ def _swept(
     ratio = Fraction(problem.n_inliers, problem.n_samples)
 
     def checked(n: Fraction) -> int:
-        _inliers(ratio, int(n))
+        _swept_inliers(ratio, int(n))
         return int(n)
 
     return sweep_measurements(problem, _whole(values, checked, "n"))

@@ -46,6 +46,7 @@ def _theory_figure(name: str, line: str) -> None:
 _theory_figure("figure-error", "Relative error of p^k over k and p, at n = 50 and 500.")
 _theory_figure("figure-success", "True success of the p^k rule over n, for several k and p.")
 _theory_figure("figure-undersampling", "Undersampling over n at s = 0.99 and k = 5.")
+_theory_figure("figure-tradeoff", "The teaser in theory: success over mean trials as s varies.")
 
 
 def _synthetic(shape: "Shape", line: str) -> None:

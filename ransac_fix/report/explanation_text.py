@@ -42,8 +42,7 @@ def sweep_text(rows: Sequence[Explanation], sampling: str) -> str:
             f"{problem.n_inliers / problem.n_samples:.4g}",
             count_text(row.approximate_trials),
             count_text(law.required_trials),
-            percent_text(law.undersampling, signed=True),
-            probability_text(law.true_success),
+            *reversed(_shortfall(row, law)),
             count_text(law.n_subsets),
         ]
         for run in (law.approximate_within_limits, law.exact_within_limits):
@@ -84,8 +83,7 @@ def _laws(explanation: Explanation) -> str:
             f"exact, {_LAW_NAMES[law.sampling]}",
             f"{law.all_inlier_probability:.4g}",
             count_text(law.required_trials),
-            probability_text(law.true_success),
-            percent_text(law.undersampling, signed=True),
+            *_shortfall(explanation, law),
         ]
         for law in explanation.laws
     ]
@@ -97,6 +95,22 @@ def _laws(explanation: Explanation) -> str:
         "trials missing\n(N_e - N_a)/N_a",
     ]
     return text_table(header, rows)
+
+
+def _shortfall(explanation: Explanation, law: LawOutcome) -> tuple[str, str]:
+    """Return the true success of the p^k rule and the trials missing.
+
+    Both come from real-valued trials, as in the paper. With inliers only these are 0 for the
+    p^k rule, which says nothing of the one trial it runs: there the whole numbers are shown.
+    """
+    if explanation.approximate_probability < 1 or explanation.approximate_trials != 1:
+        return probability_text(law.true_success), percent_text(law.undersampling, signed=True)
+    exact = law.required_trials
+    missing = None if exact is None else float(exact - 1)
+    return (
+        probability_text(law.success_of_approximate_trials),
+        percent_text(missing, signed=True),
+    )
 
 
 def _verdict(explanation: Explanation) -> str:
@@ -178,6 +192,8 @@ def _enumeration(explanation: Explanation) -> str:
 def _enumeration_advice(law: LawOutcome, approximate_trials: int | None) -> str:
     if law.n_all_inlier_subsets == 0:
         return "trying each once would show it for certain."
+    if law.required_trials is None:
+        return "trying each once is certain,\nwhich no number of random trials is."
     if not law.enumeration_is_cheaper:
         return "sampling is cheaper than trying each once."
     advice = (

@@ -1,6 +1,6 @@
 """The theory figures: curves to files, and the same numbers as a small table."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -10,6 +10,7 @@ from ransac_fix.experiments.figures import (
     Panel,
     error_panels,
     success_panels,
+    tradeoff_panels,
     undersampling_panels,
 )
 from ransac_fix.report.drawing import LINE_STYLES, figure_settings, save_figure
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
 
 # About this many of a curve's points get a marker.
 _MARKERS = 12
-_LANDMARKS_N = (20, 50, 100, 200, 300)
-_LANDMARKS_P = (0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
+_LANDMARKS = {
+    "n": (20.0, 50.0, 100.0, 200.0, 300.0),
+    "p": (0.1, 0.2, 0.3, 0.5, 0.7, 0.9),
+    "N": (10.0, 100.0, 1000.0),
+}
+_X_LABELS = {"n": "measurements $n$", "p": "inlier ratio $p$", "N": "mean trials $N$"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +39,7 @@ class TheoryFigure:
         What it shows.
     panels : callable
         Computes its curves.
-    over : "n" or "p"
+    over : "n", "p" or "N"
         The horizontal axis.
     y_label : str
         The vertical axis.
@@ -42,7 +47,7 @@ class TheoryFigure:
 
     title: str
     panels: Callable[[], tuple[Panel, ...]]
-    over: Literal["n", "p"]
+    over: Literal["n", "p", "N"]
     y_label: str
 
 
@@ -65,6 +70,12 @@ THEORY_FIGURES = {
         "n",
         r"$N_{e/a}=(N_e-N_a)/N_a$",
     ),
+    "figure-tradeoff": TheoryFigure(
+        "share of instances with an all-inlier sample over their mean trials, as s varies",
+        tradeoff_panels,
+        "N",
+        "all-inlier sample drawn",
+    ),
 }
 
 
@@ -72,7 +83,7 @@ def theory_figure_text(name: str) -> str:
     """Return the curves' values at a few landmarks, one table a panel."""
     figure = THEORY_FIGURES[name]
     parts = [figure.title]
-    landmarks: Sequence[float] = _LANDMARKS_P if figure.over == "p" else _LANDMARKS_N
+    landmarks = _LANDMARKS[figure.over]
     for panel in figure.panels():
         rows = []
         for curve in panel.curves:
@@ -120,7 +131,7 @@ def _draw_panel(axes: "Axes", panel: Panel, figure: TheoryFigure, name: str) -> 
             )
     axes.set_title(panel.title)
     axes.set_ylabel(figure.y_label)
-    axes.set_xlabel("inlier ratio $p$" if figure.over == "p" else "measurements $n$")
+    axes.set_xlabel(_X_LABELS[figure.over])
     if name == "figure-undersampling":
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda y, _: f"{100 * y:g} %")
@@ -128,7 +139,10 @@ def _draw_panel(axes: "Axes", panel: Panel, figure: TheoryFigure, name: str) -> 
         axes.set_ylim(0, 1.03)
     if name == "figure-success":
         axes.axhline(float(CONFIDENCE), color="#777777", linewidth=0.8)
-    axes.set_xlim(0, 1 if figure.over == "p" else None)
+    if figure.over == "N":
+        axes.set_xscale("log")
+    else:
+        axes.set_xlim(0, 1 if figure.over == "p" else None)
     axes.legend(handlelength=3.2)
 
 

@@ -12,7 +12,11 @@ def rules_text(rules: Iterable[Rule]) -> str:
     """Return one line a rule: code, name and summary."""
     known = list(rules)
     width = max(len(rule.name) for rule in known)
-    return "".join(f"{rule.code}  {rule.name:{width}}  {rule.summary}\n" for rule in known)
+    return "".join(
+        f"{rule.code}  {rule.name:{width}}  {rule.summary}"
+        f"{'' if rule.default else ' (off by default)'}\n"
+        for rule in known
+    )
 
 
 def rule_text(rule: Rule) -> str:

@@ -624,10 +624,6 @@ class CppSource(Source):
                 return f"{name} is used in line {node.start_point[0] + 1} without a call"
         if definitions > 1:
             return f"there are {definitions} functions named {name}"
-        for node in _walk(block):
-            for written, _ in self._writes(node):
-                if written == (parameter,) and node.type != "call_expression":
-                    return f"{parameter} is bound again in {name}"
         first = next((one for one in block.named_children), None)
         if first is None or first.start_point[0] == block.start_point[0]:
             return f"{name} is written on one line"
@@ -644,7 +640,7 @@ class CppSource(Source):
             private=self._is_private(definition),
             declared=f"{declared} {{}}",
             body=Span(row + 1, 0, row + 1, 0),
-            statement=f"{lead}const {declared} {{name}} = {{value}};\n",
+            statement=f"{lead}{declared} {{name}} = {{value}};\n",
             names=names,
             uses=tuple(
                 self._span(node)

@@ -8,14 +8,16 @@ formatting, comments, line ends and encoding stay.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
-from ransac_fix.scan.form import Expr, Name, Num, Op, Span
+from ransac_fix.scan.form import Expr, Name, Num, Op, Over, Span
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
+from ransac_fix.scan.sizes import size_drawn
 from ransac_fix.scan.source import Argument, Signature, Source, is_inside
 
 _ONLY_RATIO = "only the ratio of inliers is known here, not the two counts it is made of"
@@ -45,6 +47,9 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
     size = read.roles.get("sample_size")
     if not size:
         return "the sample size cannot be spelled here"
+    drawn = size_drawn(read)
+    if drawn is not None:
+        return f"{size} is not the size of the sample, {drawn}: see RFX004"
     support = source.support(target.span, path)
     if isinstance(support, str):
         return support
@@ -65,6 +70,10 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
         if isinstance(values, str):
             return values
         inliers, samples, doubt = values
+        if not doubt and _is_sum(counts.n_samples) and _is_sum(probability.exponent):
+            doubt = (
+                "; check that the sample is drawn from one set, not so many from each of several"
+            )
         message, safe = f"{_MESSAGE}{doubt}", not doubt
         call = source.probability(inliers, samples, size, target.span)
         edits = source.unused_without(site.assumed, target.span, call, path)
@@ -133,6 +142,16 @@ def _is_scaled(expr: Expr) -> bool:
     return False
 
 
+def _is_sum(expr: Expr | None) -> bool:
+    """Whether a number is added up over a loop, such as one over several sets of data."""
+    match None if expr is None else algebra.plain(expr):
+        case Over(kind="sum"):
+            return True
+        case Op(op="add", args=args):
+            return any(_is_sum(arg) for arg in args)
+    return False
+
+
 def _values(counts: Counts, source: Source, place: Span) -> tuple[str, str, str] | str:
     """Spell both counts for another place, and say what must be checked of them, if anything."""
     doubt = ""
@@ -180,7 +199,7 @@ def _through_calls(
         return f"{_ONLY_RATIO}, and {signature}"
     if not signature.calls:
         return f"{_ONLY_RATIO}, and {function.name} is not called in this file"
-    outliers = not isinstance(algebra.plain(ratio), Name)
+    outliers = not all(isinstance(one, Name) for one in _only(algebra.readings(ratio)))
     changed = _calls(read, signature, source, path, outliers=outliers)
     if isinstance(changed, str):
         return f"{_ONLY_RATIO}, and {changed}"
@@ -205,14 +224,21 @@ def _through_calls(
 
 
 def _parameter(ratio: Expr) -> str | None:
-    """Name the parameter that a ratio is: w itself, or e of 1 - e."""
-    match algebra.plain(ratio):
-        case Name(name=name):
-            return name
-        case Op(op="sub", args=(one, other)) if algebra.number(one) == 1.0:
-            plain = algebra.plain(other)
-            return plain.name if isinstance(plain, Name) else None
+    """Name the parameter that a ratio is, within bounds: w itself, or e of 1 - e."""
+    for reading in _only(algebra.readings(ratio)):
+        match reading:
+            case Name(name=name):
+                return name
+            case Op(op="sub", args=(one, other)) if algebra.number(one) == 1.0:
+                for inner in _only(algebra.readings(other)):
+                    return inner.name if isinstance(inner, Name) else None
     return None
+
+
+def _only(readings: Iterator[Expr]) -> tuple[Expr, ...]:
+    """Give what a value is where there is one way to read it."""
+    two = tuple(islice(readings, 2))
+    return two if len(two) == 1 else ()
 
 
 def _calls(

@@ -164,6 +164,8 @@ CLAMPS = frozenset(
         "maximum",
         "min",
         "minimum",
+        "MAX",
+        "MIN",
         "Max",
         "Min",
     ]

@@ -212,8 +212,6 @@ class PythonSource(Source):
             return f"{parameter} is not a plain parameter of {definition.name}"
         if _default_of(arguments, own) is not None:
             return f"{parameter} has a default in {definition.name}"
-        if any(_writes_name(node, parameter) for node in ast.walk(definition)):
-            return f"{parameter} is bound again in {definition.name}"
         method = self._is_method(definition)
         same_name = [
             node
@@ -362,10 +360,6 @@ def _default_of(arguments: ast.arguments, own: ast.arg) -> ast.expr | None:
         place = positional.index(own) - len(positional)
         return arguments.defaults[place] if -place <= len(arguments.defaults) else None
     return arguments.kw_defaults[arguments.kwonlyargs.index(own)]
-
-
-def _writes_name(node: ast.AST, name: str) -> bool:
-    return isinstance(node, ast.Name) and node.id == name and not isinstance(node.ctx, ast.Load)
 
 
 def _names(node: ast.AST, name: str) -> bool:

@@ -142,6 +142,20 @@ def test_text_says_what_the_paper_says():
     assert "not the success rate of a whole run" in text
 
 
+def test_with_inliers_only_the_one_trial_of_the_common_rule_is_judged():
+    text = run("--n", "50", "--inliers", "50", "--k", "5")
+    repeated = 1 - math.perm(50, 5) / 50**5
+    line = next(line for line in text.splitlines() if "with replacement" in line)
+    assert line.split()[-3:] == [f"{1 - repeated:.4f}", "+200.0", "%"]
+    assert "infinite" not in text
+
+
+def test_certainty_is_had_from_enumeration_only():
+    text = run(*EXAMPLE, "--confidence", "1")
+    assert "which no number of random trials is" in text
+    assert "never), nor" not in text
+
+
 def test_limits_are_told_with_their_guarantee():
     text = run(*EXAMPLE, "--max-trials", "1000", "--min-trials", "10")
     assert "The cap decides under both rules" in text
@@ -195,7 +209,8 @@ def test_schema_file_is_the_one_the_code_describes():
         ([*EXAMPLE, "--sweep", "k"], "sweep over n or p"),
         ([*EXAMPLE, "--sweep", "n=1:2"], "FROM:TO:STEP"),
         ([*EXAMPLE, "--sweep", "n=10:1:1"], "TO not below FROM"),
-        ([*EXAMPLE, "--sweep", "n=10,15"], "0.3 of 15"),
+        ([*EXAMPLE, "--sweep", "n=10,15"], "--sweep: 0.3 of 15"),
+        ([*EXAMPLE, "--sweep", "p=0.31"], "FROM:TO:STEP leaves such values out"),
         ([*EXAMPLE, "--sweep", "n=11:19:4"], "left out"),
         ([*EXAMPLE, "--sweep", "n=2,10"], "whole number from k = 5"),
         ([*EXAMPLE, "--sweep", "n=1:1e9:1"], "at most 1000"),

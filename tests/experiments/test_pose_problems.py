@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -228,12 +229,34 @@ def camera_group(group, name, camera, model="PINHOLE"):
     made.create_dataset("width", data=[640])
     made.create_dataset("height", data=[480])
     fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
-    made.create_dataset("params", data=[fx, cx, cy] if model.startswith("S") else [fx, fy, cx, cy])
+    focal = [fx] if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL") else [fx, fy]
+    made.create_dataset("params", data=[*focal, cx, cy, *DISTORTION.get(model, [])])
+
+
+DISTORTION = {
+    "SIMPLE_RADIAL": [-0.1],
+    "RADIAL": [-0.1, 0.02],
+    "OPENCV": [-0.1, 0.02, 0.003, -0.002],
+}
+
+
+def distorted(points, camera, model):
+    """Where COLMAP's camera model, which is OpenCV's here, sees the points."""
+    if model not in DISTORTION:
+        return points
+    if model != "OPENCV":  # one focal length
+        camera = camera.copy()
+        camera[1, 1] = camera[0, 0]
+    coefficients = np.zeros(4)
+    coefficients[: len(DISTORTION[model])] = DISTORTION[model]
+    rays = np.column_stack((points, np.ones(len(points)))) @ np.linalg.inv(camera).T
+    return cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera, coefficients)[0][:, 0]
 
 
 def save_benchmark(folder, model="PINHOLE"):
     points = scene(30)
     first, second = project(CAMERA, points), project(OTHER, points @ ROTATION.T + TRANSLATION)
+    first, second = distorted(first, CAMERA, model), distorted(second, OTHER, model)
     for name in ("relative/scannet1500_sift", "homography/barath_Alamo", "absolute/eth3d_130_x"):
         path = folder / f"{name}.h5"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -249,7 +272,7 @@ def save_benchmark(folder, model="PINHOLE"):
                 camera_group(group, "camera2", OTHER, model)
 
 
-@pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_PINHOLE"])
+@pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_PINHOLE", *DISTORTION])
 def test_the_benchmarks_layout_is_read(tmp_path, model):
     save_benchmark(tmp_path, model)
     problems = load_problems(tmp_path)
@@ -264,6 +287,12 @@ def test_the_benchmarks_layout_is_read(tmp_path, model):
         assert problem.cameras[0][0, 2] in (CAMERA[0, 2], OTHER[0, 2])
     assert problems[3].truth.error(problems[3], all_inliers(TRUE_POSE, 30)) < 1e-5
     assert problems[0].truth.error(problems[0], all_inliers(TRUE_POSE, 30)) < 1e-5
+    # as a camera without distortion sees them
+    points = scene(30)
+    seen = points @ ROTATION.T + TRANSLATION
+    np.testing.assert_allclose(problems[0].first, project(CAMERA, points), atol=1e-6)
+    np.testing.assert_allclose(problems[0].second, project(OTHER, seen), atol=1e-6)
+    np.testing.assert_allclose(problems[3].first, project(OTHER, seen), atol=1e-6)
 
 
 def break_array(folder):

@@ -65,7 +65,7 @@ def test_results_do_not_depend_on_the_number_of_workers(alone):
 
 def test_results_do_not_depend_on_dask(alone):
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
         assert same(run_setups(SETUPS, 1300, dask_scheduler=cluster.scheduler_address), alone)
 

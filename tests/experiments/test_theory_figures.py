@@ -2,9 +2,10 @@ from fractions import Fraction
 from math import comb
 
 import mpmath
+import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ransac_fix.cli.reproduce import command
@@ -14,9 +15,12 @@ from ransac_fix.experiments.figures import (
     error_panels,
     exact_probability,
     success_panels,
+    tradeoff,
+    tradeoff_panels,
     undersampling_panels,
 )
 from ransac_fix.report.drawing import LINE_STYLES
+from ransac_fix.report.figures import THEORY_FIGURES
 
 
 def curves(panels):
@@ -98,13 +102,47 @@ def test_the_product_is_the_ratio_of_subsets_where_inliers_are_whole(n, data):
     )
 
 
+@given(
+    st.lists(st.integers(5, 49), min_size=1, max_size=8),
+    st.floats(0, 5),
+    st.lists(st.floats(0, 1), min_size=8, max_size=8),
+)
+@settings(deadline=None)
+def test_no_division_of_the_trials_beats_the_best(inliers, magnitude, shares):
+    mean_trials = 10.0**magnitude
+    approximate, exact, best = tradeoff(inliers, 50, 5, mean_trials)
+    assert max(approximate, exact) <= best * (1 + 1e-6)
+    shares = np.array(shares[: len(inliers)]) + 1e-9
+    trials = mean_trials * len(inliers) * shares / shares.sum()
+    exact_p = np.array([comb(i, 5) / comb(50, 5) for i in inliers])
+    reached = np.mean(1 - np.exp(np.log1p(-exact_p) * trials))
+    assert reached <= best * (1 + 1e-6)
+
+
+def test_the_exact_rules_success_is_its_confidence():
+    """At the mean of its trials for s, whatever the numbers of inliers."""
+    inliers = [10, 17, 25, 40]
+    s = 0.9
+    trials = [np.log(1 - s) / np.log1p(-comb(i, 5) / comb(50, 5)) for i in inliers]
+    assert tradeoff(inliers, 50, 5, float(np.mean(trials)))[1] == pytest.approx(s)
+
+
+def test_the_common_rule_reaches_more_instances_in_the_same_mean_trials():
+    """Up to the confidences in use: the exact rule gives more trials to the hardest instances."""
+    for panel in tradeoff_panels():
+        best, approximate, exact = panel.curves
+        for a, e, most in zip(approximate.y, exact.y, best.y, strict=True):
+            if e < 0.99:
+                assert e < a < most
+
+
 def test_lines_differ_in_grey_without_their_colour():
     for key in ("linestyle", "marker"):
         values = [str(style[key]) for style in LINE_STYLES]
         assert len(set(values)) == len(values)
 
 
-@pytest.mark.parametrize("name", ["figure-error", "figure-success", "figure-undersampling"])
+@pytest.mark.parametrize("name", list(THEORY_FIGURES))
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
 def test_each_figure_comes_out_of_one_command(tmp_path, name, suffix):
     path = tmp_path / f"figure.{suffix}"

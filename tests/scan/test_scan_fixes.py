@@ -98,6 +98,18 @@ class Ransac:
 def trials(n_inliers, n_samples, k, s):
     return Ransac().update(n_inliers, n_samples, k, s)
 """,
+    "counts passed to a helper that bounds its ratio": """
+import numpy as np
+
+def _update(p, ep, model_points):  # of ransac
+    ep = max(ep, 0.0)
+    ep = min(ep, 1.0)
+    denom = 1.0 - np.power(1.0 - ep, model_points)
+    return np.log(1.0 - p) / np.log(denom)
+
+def trials(n_good, count, k, s):
+    return _update(s, (count - n_good) / count, k)
+""",
     "nested": """
 import math
 
@@ -548,3 +560,22 @@ def ransac(points, k, w=0.5, s=0.99):
     (finding,), _ = scan_source(source, SourceFile("a.py", "python", named=True))
     assert finding.fix is None
     assert "the number of data is not known yet" in finding.no_fix
+
+
+def test_a_wrong_exponent_is_settled_first():
+    source = """
+from math import log
+import random
+
+def ransac(points, fit):
+    N = 100.0
+    while N > 0:
+        inliers = fit(random.sample(points, 4))
+        w = len(inliers) / len(points)
+        N = log(0.01) / log(1 - w**8)
+"""
+    findings, _ = scan_source(source, SourceFile("a.py", "python", named=True))
+    assert {one.code: one.no_fix for one in findings} == {
+        "RFX001": "8 is not the size of the sample, 4: see RFX004",
+        "RFX004": "either draw 8, or make the exponent 4",
+    }

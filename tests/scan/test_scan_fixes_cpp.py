@@ -168,6 +168,25 @@ extern "C" double trials(int n_inliers, int n_samples, int sample_size, double c
   return RequiredTrials(confidence, best_ratio, sample_size);
 }
 """,
+    "bounded_parameter.cpp": """
+#include <algorithm>
+#include <cmath>
+#define MAX(a, b) ((a) > (b) ? (a) : (b))
+#define MIN(a, b) ((a) < (b) ? (a) : (b))
+
+static double updateTrials(double p, double ep, int model_points) {
+  ep = MAX(ep, 0.);
+  ep = MIN(ep, 1.);
+  double denom = 1. - std::pow(1. - ep, model_points);
+  if (denom < 1e-300) return 0;
+  return std::log(1 - p) / std::log(denom);
+}
+
+// ransac
+extern "C" double trials(int good_count, int count, int sample_size, double confidence) {
+  return updateTrials(confidence, (double)(count - good_count) / count, sample_size);
+}
+""",
     "inverse_first.cpp": """
 #include <cmath>
 class Ransac {
@@ -433,3 +452,22 @@ def test_is_unsafe_where_something_must_be_looked_at(source):
     assert finding.fix is not None
     assert not finding.fix.safe
     assert "; check that" in finding.fix.message
+
+
+def test_counts_added_up_over_sets_are_not_taken_for_one_set():
+    source = """#include <cmath>
+#include <vector>
+double ransac_trials(const std::vector<std::vector<int>>& sets,
+                     const std::vector<std::vector<int>>& sample, int n_inliers) {
+  size_t n = 0;
+  for (size_t i = 0; i < sets.size(); i++) n += sets[i].size();
+  size_t k = 0;
+  for (size_t i = 0; i < sample.size(); i++) k += sample[i].size();
+  double w = static_cast<double>(n_inliers) / static_cast<double>(n);
+  return std::log(0.01) / std::log(1.0 - std::pow(w, static_cast<double>(k)));
+}
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.cpp", "c++", named=True))
+    assert finding.fix is not None
+    assert not finding.fix.safe
+    assert "check that the sample is drawn from one set" in finding.fix.message

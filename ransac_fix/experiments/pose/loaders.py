@@ -32,6 +32,15 @@ _BENCHMARK_LIMITS = {
     "7scenes": 5.0,
     "cambridge": 6.0,
 }
+# COLMAP's camera models and their parameters, in order.
+_PARAMETERS = {
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_PINHOLE": "f cx cy",
+    "SIMPLE_RADIAL": "f cx cy k1",
+    "RADIAL": "f cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+}
+_UNDISTORTIONS = 50
 # The benchmark takes the first pairs only of its large homography files.
 _MOST_HOMOGRAPHIES = 1000
 
@@ -186,33 +195,58 @@ def _benchmark_file(path: Path, kinds: tuple[Kind, ...]) -> Iterator[Problem]:
                 group = file[name]
                 rotation, translation = group["R"][:], group["t"][:].ravel()
                 if kinds == ("pnp",):
-                    points, scene = group["p2d"][:], group["p3d"][:]
+                    camera, distortion = _benchmark_camera(group["camera"])
+                    points = _undistorted(group["p2d"][:], camera, distortion)
+                    scene = group["p3d"][:]
                     depth = float(np.median((scene @ rotation.T + translation)[:, 2]))
                     pose = AbsolutePose(rotation, translation, depth)
-                    cameras = (_benchmark_camera(group["camera"]),)
-                    yield Problem("pnp", path.stem, name, points, scene, pose, cameras, limit)
+                    yield Problem("pnp", path.stem, name, points, scene, pose, (camera,), limit)
                     continue
                 motion = RelativePose(rotation, translation)
-                pair = (_benchmark_camera(group["camera1"]), _benchmark_camera(group["camera2"]))
+                first_camera, first_distortion = _benchmark_camera(group["camera1"])
+                second_camera, second_distortion = _benchmark_camera(group["camera2"])
+                first = _undistorted(group["x1"][:], first_camera, first_distortion)
+                second = _undistorted(group["x2"][:], second_camera, second_distortion)
+                cameras = (first_camera, second_camera)
                 for kind in kinds:
-                    yield Problem(
-                        kind, path.stem, name, group["x1"][:], group["x2"][:], motion, pair, limit
-                    )
+                    yield Problem(kind, path.stem, name, first, second, motion, cameras, limit)
     except (OSError, KeyError, ValueError) as error:
         raise RansacFixError(f"{path}: not a file of the PoseLib benchmark: {error}") from None
 
 
-def _benchmark_camera(group: "dict[str, object]") -> FloatArray:
+def _benchmark_camera(group: "dict[str, object]") -> tuple[FloatArray, FloatArray]:
+    """Return the calibration matrix, and the distortion k1, k2, p1, p2 of OpenCV's model."""
     model = group["model"].asstr()[0]  # type: ignore[attr-defined]
     parameters = group["params"][:]  # type: ignore[index]
-    if model == "PINHOLE":
-        fx, fy, cx, cy = parameters
-    elif model == "SIMPLE_PINHOLE":
-        fx, cx, cy = parameters
-        fy = fx
-    else:
-        raise ValueError(f"camera model {model}, of which only the pinhole ones are read")
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if model not in _PARAMETERS:
+        known = ", ".join(_PARAMETERS)
+        raise ValueError(f"camera model {model}, of which only {known} are read")
+    named = dict(zip(_PARAMETERS[model].split(), map(float, parameters), strict=True))
+    fx, fy = (named.get(axis, named.get("f", 0.0)) for axis in ("fx", "fy"))
+    camera = np.array([[fx, 0.0, named["cx"]], [0.0, fy, named["cy"]], [0.0, 0.0, 1.0]])
+    return camera, np.array([named.get(name, 0.0) for name in ("k1", "k2", "p1", "p2")])
+
+
+def _undistorted(points: FloatArray, camera: FloatArray, distortion: FloatArray) -> FloatArray:
+    """Return where a camera without distortion would see the points, in pixels."""
+    if not distortion.any():
+        return np.ascontiguousarray(points, float)
+    k1, k2, p1, p2 = distortion
+    focal, centre = camera[[0, 1], [0, 1]], camera[:2, 2]
+    seen = (points - centre) / focal
+    ideal = seen.copy()
+    for _ in range(_UNDISTORTIONS):  # a fixed point of: what is seen, less the distortion there
+        x, y = ideal.T
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * k2)
+        shift = np.column_stack(
+            (
+                2 * p1 * x * y + p2 * (square + 2 * x * x),
+                p1 * (square + 2 * y * y) + 2 * p2 * x * y,
+            )
+        )
+        ideal = (seen - shift) / radial[:, None]
+    return np.ascontiguousarray(ideal * focal + centre)
 
 
 def load_stereo_pair() -> list[Problem]:

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import ClassVar
 
-from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Certainty, Fix, Related
-from ransac_fix.scan.form import Fn, Ref
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.rules.base import ScannedFile, SiteRule
+from ransac_fix.scan.sizes import size_drawn
 
 
 class WrongExponent(SiteRule):
@@ -77,27 +76,13 @@ def ransac(points, fit, w=0.5):
 
     def applies(self, read: ReadSite) -> bool:
         """Take the sites whose exponent differs from what is drawn beside them."""
-        return self._drawn(read) is not None
-
-    @staticmethod
-    def _drawn(read: ReadSite) -> int | None:
-        if read.draw is None or not read.near_draw or read.draw.size is None:
-            return None
-        probability = read.site.probability
-        exponent = probability.exponent_value
-        if exponent is None and probability.exponent is not None:
-            exponent = algebra.number(probability.exponent)
-            if exponent is None and _is_number_of_data(probability.exponent):
-                return read.draw.size
-        if exponent is None or exponent == read.draw.size or not 1 < read.draw.size <= 20:
-            return None
-        return read.draw.size
+        return size_drawn(read) is not None
 
     def message(self, read: ReadSite) -> str:
         """Say both numbers."""
         return (
             f"the exponent {read.roles.get('sample_size', 'k')} is not the size of the sample:"
-            f" {self._drawn(read)} are drawn"
+            f" {size_drawn(read)} are drawn"
         )
 
     def certainty(self, read: ReadSite, certainty: Certainty) -> Certainty:
@@ -106,17 +91,12 @@ def ransac(points, fit, w=0.5):
         return "medium" if certainty == "high" else certainty
 
     def fix(self, read: ReadSite, file: ScannedFile) -> Fix | str:
-        """Give none: which of the two is wrong is for its author to say."""
-        del read, file
-        return "which of the two numbers is right cannot be told from here"
+        """Suggest both ways out: which of the two is wrong is for its author to say."""
+        del file
+        size = read.roles.get("sample_size", "k")
+        return f"either draw {size}, or make the exponent {size_drawn(read)}"
 
     def related(self, read: ReadSite, file: ScannedFile) -> Iterator[Related]:
         """Point at the sampler."""
         if read.draw is not None:
             yield Related(file.location(read.draw.span), "the sample is drawn here")
-
-
-def _is_number_of_data(expr: object) -> bool:
-    while isinstance(expr, Ref):
-        expr = expr.value
-    return isinstance(expr, Fn) and expr.name == "count"

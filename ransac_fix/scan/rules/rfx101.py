@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from ransac_fix.scan.findings import Certainty, Finding, Location, Related
 from ransac_fix.scan.form import (
@@ -21,17 +20,16 @@ from ransac_fix.scan.form import (
     Num,
     Stmt,
 )
-from ransac_fix.scan.releases import Release, release_of, within
 from ransac_fix.scan.rules.base import Rule, ScannedFile
 from ransac_fix.scan.walk import expressions
 from ransac_fix.systems import System, load_systems
-from ransac_fix.verdicts import (
-    StoredVerdict,
-    fixed_release,
-    load_verdicts,
-    nearest_releases,
-    verdicts_for,
-)
+
+if TYPE_CHECKING:
+    from ransac_fix.scan.releases import Release
+    from ransac_fix.verdicts import StoredVerdict
+
+# The releases and the verdicts are loaded when a call is found, and the scan of most files not
+# slowed down by them.
 
 # What OpenCV does where a call names no method; other functions have one method or say it.
 _DEFAULT_METHOD = {
@@ -172,6 +170,8 @@ H, mask = find([], [], cv2.RANSAC, 3.0)
                 yield finding
 
     def _finding(self, call: Call, path: str, file: ScannedFile) -> Finding | None:
+        from ransac_fix.scan.releases import release_of
+
         system = _system(path)
         function = path.rpartition(".")[2]
         if system is None or call.span is None or not _is_asked_for(call, system):
@@ -210,9 +210,12 @@ class _Judged:
 
 
 def _judge(
-    system: System, function: str, variant: str | None, release: Release | None
+    system: System, function: str, variant: str | None, release: "Release | None"
 ) -> _Judged | None:
     """Say what is known of a call, or None where nothing speaks against it."""
+    from ransac_fix.scan.releases import within
+    from ransac_fix.verdicts import nearest_releases, verdicts_for
+
     distribution = release.distribution if release is not None else system.distributions[0]
     every = _of_variant(verdicts_for(distribution, None, function), variant)
     bad = [one for one in every if one.verdict == "undersamples"]
@@ -258,7 +261,7 @@ def _judge(
     return _Judged(f"{what} ({_listed(inside - wrong_in)})", "low")
 
 
-def _of_variant(verdicts: Iterable[StoredVerdict], variant: str | None) -> list[StoredVerdict]:
+def _of_variant(verdicts: "Iterable[StoredVerdict]", variant: str | None) -> "list[StoredVerdict]":
     known = [one for one in verdicts if one.verdict != "not measured"]
     if variant is None:
         return known
@@ -266,6 +269,8 @@ def _of_variant(verdicts: Iterable[StoredVerdict], variant: str | None) -> list[
 
 
 def _same(one: str, other: str) -> bool:
+    from ransac_fix.scan.releases import within
+
     return bool(within([one], f"=={other}"))
 
 
@@ -275,7 +280,9 @@ def _listed(versions: Iterable[str]) -> str:
     return ", ".join(sorted(set(versions), key=Version))
 
 
-def _remedy(system: System, release: Release | None, function: str) -> str:
+def _remedy(system: System, release: "Release | None", function: str) -> str:
+    from ransac_fix.verdicts import fixed_release
+
     # Of a release that is not known, any may be in use.
     version = "0" if release is None or release.version is None else release.version
     better = fixed_release(system.distributions[0], version, function)
@@ -288,11 +295,15 @@ def _remedy(system: System, release: Release | None, function: str) -> str:
 
 @cache
 def _patched() -> frozenset[str]:
+    from importlib.metadata import entry_points
+
     return frozenset(entry_points(group="ransac_fix.patches").names)
 
 
 @cache
 def _functions() -> dict[str, frozenset[str]]:
+    from ransac_fix.verdicts import load_verdicts
+
     found: dict[str, set[str]] = {}
     for one in load_verdicts():
         if one.verdict == "undersamples":
