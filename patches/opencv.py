@@ -155,8 +155,13 @@ def _trials(
     return min(max(rule, 1.0), limit)
 
 
-def _read(form: _Form, args: Result, kwargs: Bound, result: Result) -> _Call | None:
-    """Return what a call asked for; None where it is none of ours."""
+def _read(
+    form: _Form, args: Result, kwargs: Bound, result: Result, p3p: frozenset[int]
+) -> _Call | None:
+    """Return what a call asked for; None where it is none of ours.
+
+    `p3p` are the flags of solvePnPRansac for three points: OpenCV 5 has numbered them anew.
+    """
     bound = dict(zip(form.names, args))  # noqa: B905 -- fewer arguments than names
     if kwargs:
         bound.update(kwargs)
@@ -177,7 +182,7 @@ def _read(form: _Form, args: Result, kwargs: Bound, result: Result) -> _Call | N
             sample_size = 8
     elif form.function == "solvePnPRansac":
         # Its flags name the solver; P3P takes a fourth point to choose among its solutions.
-        kind, sample_size = "classic", 4 if method in (2, 5) else form.sample_sizes[0]
+        kind, sample_size = "classic", 4 if method in p3p else form.sample_sizes[0]
     else:
         # findFundamentalMat looks at some bits of its method only.
         bits = method & ~3 if form.function == "findFundamentalMat" else method
@@ -232,6 +237,8 @@ def _wrap(
     kinds : frozenset of str
         The families whose rule is to be made exact: "classic", "usac".
     """
+    flags = (getattr(cv2, name, None) for name in ("SOLVEPNP_P3P", "SOLVEPNP_AP3P"))
+    p3p = frozenset(flag for flag in flags if flag is not None)
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         form = choose(args, kwargs)
@@ -239,7 +246,7 @@ def _wrap(
             return original(*args, **kwargs)
         guess = _guess(form, args, kwargs) if form.indices else {}
         result = original(*args, **kwargs)
-        call = _read(form, args, kwargs, result)
+        call = _read(form, args, kwargs, result, p3p)
         if call is None or call.kind not in kinds:
             return result
         inliers = result[form.inliers]

@@ -85,7 +85,7 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     -------
     Measurement
     """
-    sampler, runs = _sampler_law(host, one, seed)
+    sampler, runs = sampler_law(host, one, seed)
     points: list[Point] = []
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
@@ -118,7 +118,7 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     runs += more
     if "first model" in defects:
         # More than one trial was never had.
-        sampler, more = _sampler_law(host, one, seed, once=True)
+        sampler, more = sampler_law(host, one, seed, once=True)
         runs += more
         # Points of the few streams that began with a larger model do not make a law.
         fit = laws.Fit(None)
@@ -179,9 +179,18 @@ def _point(raw: dict[str, Any], sample_size: int) -> Point:
     )
 
 
-def _sampler_law(
+def sampler_law(
     host: Asked, one: dict[str, Any], seed: int, *, once: bool = False
 ) -> tuple[SamplerLaw, int]:
+    """Measure how samples are drawn; return the law, and the runs that took.
+
+    Parameters
+    ----------
+    host, one, seed
+        As in `measure`.
+    once : bool, default False
+        Let runs have one trial only.
+    """
     hits: list[sampling.Hit] = []
     k, seeded, n_strata = (one[key] for key in ("sample_size", "seeded", "n_strata"))
     known: dict[str, Any] = {

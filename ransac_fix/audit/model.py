@@ -229,6 +229,106 @@ class AtDefaults:
 
 
 @dataclass(frozen=True, slots=True)
+class TrialCount:
+    """What one run of a wrapped function came to.
+
+    Parameters
+    ----------
+    n_samples, n_inliers, sample_size : int
+        The problem, with the inliers in hand at the end.
+    confidence : float
+        s of the call.
+    own : int or None
+        Trials that the library ran by itself; None for infinity, here and below.
+    first_inliers : int
+        Inliers in hand then.
+    trials : int or None
+        These and the missing ones that were drawn.
+    required : int or None
+        What the sampler needs.
+    limit : int or None
+        The limit on trials.
+    """
+
+    n_samples: int
+    n_inliers: int
+    sample_size: int
+    confidence: float
+    own: int | None
+    first_inliers: int
+    trials: int | None
+    required: int | None
+    limit: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeTest:
+    """Wald's test between a library's own number of trials and the exact one, by outcomes.
+
+    Parameters
+    ----------
+    n_samples, n_inliers, sample_size : int
+        The planted problem: groups of `n_inliers`, and one of one more that is to be found.
+    confidence : float
+        s.
+    own, exact : int
+        Trials with a smaller group in hand, by the library's rule and as needed.
+    chance_own, chance_exact : float
+        Chance that a run which returns a group returns the larger one, with either.
+    larger, smaller : int
+        Runs of the wrapped function that returned the larger group, and a smaller one.
+    log_ratio : float
+        Natural logarithm of how much likelier the exact number makes them.
+    larger_alone, smaller_alone, log_ratio_alone
+        The same without the missing trials.
+    """
+
+    n_samples: int
+    n_inliers: int
+    sample_size: int
+    confidence: float
+    own: int
+    exact: int
+    chance_own: float
+    chance_exact: float
+    larger: int
+    smaller: int
+    log_ratio: float
+    larger_alone: int
+    smaller_alone: int
+    log_ratio_alone: float
+
+
+@dataclass(frozen=True, slots=True)
+class Extension:
+    """Whether a wrapped function draws the trials that its library leaves out.
+
+    Parameters
+    ----------
+    runs : int
+        Runs counted.
+    extended : int
+        Those in which trials were missing, and were drawn.
+    kept : int
+        Those that came to the exact number, or to their limit.
+    counted : bool
+        The library says how many trials it ran; otherwise its wrapper works out what its rule
+        asks for.
+    counts : tuple of TrialCount
+        One run for each problem and confidence.
+    outcomes : OutcomeTest or None
+        None where the two numbers are too near each other to be told apart by outcomes.
+    """
+
+    runs: int
+    extended: int
+    kept: int
+    counted: bool
+    counts: tuple[TrialCount, ...]
+    outcomes: OutcomeTest | None
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """What the audit found of one entry point.
 
@@ -253,6 +353,8 @@ class Verdict:
         Library runs spent.
     seconds : float
         Time spent.
+    extension : Extension or None
+        The evidence on a function wrapped by a patch, in place of points.
     """
 
     system: str
@@ -268,6 +370,7 @@ class Verdict:
     defects: tuple[Defect, ...] = ()
     runs: int = 0
     seconds: float = 0.0
+    extension: Extension | None = None
 
 
 @dataclass(frozen=True, slots=True)

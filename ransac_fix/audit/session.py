@@ -16,9 +16,10 @@ from typing import Any
 
 from ransac_fix.audit.controls import CONTROLS
 from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
+from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
 from ransac_fix.audit.judge import advise, judge
-from ransac_fix.audit.measure import SEED, Measurement, measure, settings_for
+from ransac_fix.audit.measure import SEED, Measurement, measure, sampler_law, settings_for
 from ransac_fix.audit.model import (
     SCHEMA_VERSION,
     Control,
@@ -56,8 +57,9 @@ class Options:
         Time one entry point may take.
     prepare : str or None
         ``"module:function"``, called with the system's name in each worker before the library
-        is imported; how a patched library is measured. It returns a function that says, once the
-        library is imported, why it cannot be measured so; None where it can.
+        is imported; how a patched library is measured. It returns a function that gives, once the
+        library is imported, what counts the trials of its wrapped functions: see
+        `ransac_fix.patching.audited`. None where there are none.
     preparable : frozenset of str
         The systems that `prepare` is called for; the others are measured as they are.
     problems : tuple of (n, I, s)
@@ -326,7 +328,8 @@ class _Crew:
             try:
                 if "unmeasured" in one:
                     raise WorkerFailed(one["unmeasured"])
-                verdict = _audit_entry_point(host, job.system, version, one, options)
+                wrapped = described["wrapped"]
+                verdict = _audit_entry_point(host, job.system, version, one, options, wrapped)
             except WorkerFailed as why:
                 verdict = Verdict(job.system, name, version, "not measured", str(why))
             job.done[name] = verdict
@@ -336,9 +339,33 @@ class _Crew:
 
 
 def _audit_entry_point(
-    host: WorkerHost, system: str, version: str | None, one: dict[str, Any], options: Options
+    host: WorkerHost,
+    system: str,
+    version: str | None,
+    one: dict[str, Any],
+    options: Options,
+    wrapped: bool,
 ) -> Verdict:
     started = time.monotonic()
+    if wrapped:
+        sampler, runs = sampler_law(host, one, SEED)
+        counts, more = count_trials(host, one, sampler, SEED + 7000)
+        if counts:
+            outcomes, again = decide_by_outcomes(host, one, sampler, counts, SEED + 9000)
+            verdict, reason, extension = judge_extension(
+                counts, sampler, outcomes, counted=one["counted"]
+            )
+            return Verdict(
+                system,
+                one["name"],
+                version,
+                verdict,
+                reason,
+                sampler_law=sampler,
+                runs=runs + more + again,
+                seconds=round(time.monotonic() - started, 3),
+                extension=extension,
+            )
     measured = measure(host, one)
     runs = measured.runs
     verdict, reason = judge(measured)

@@ -1,15 +1,22 @@
 """Patch a library for the audit, in the process that measures it."""
 
+import math
 from collections.abc import Callable
+from typing import Any
 
+from ransac_fix.patching import missing
+from ransac_fix.patching.calls import judge
 from ransac_fix.patching.engine import patch, status
 from ransac_fix.patching.plugins import discover
+from ransac_fix.patching.watching import CURRENT, Watched
 
-__all__ = ["patch_for_audit"]
+__all__ = ["counted", "patch_for_audit"]
+
+Counting = Callable[..., dict[str, Any] | None]
 
 
-def patch_for_audit(system: str) -> Callable[[], str | None]:
-    """Patch a system, and return what to ask once its library is imported.
+def patch_for_audit(system: str) -> Callable[[], Counting | None]:
+    """Patch a system with a slack of 0, and return what to ask once its library is imported.
 
     Parameters
     ----------
@@ -19,17 +26,58 @@ def patch_for_audit(system: str) -> Callable[[], str | None]:
     Returns
     -------
     callable
-        Why the patched library cannot be measured, in one sentence; None where it can.
+        Gives `counted` where the functions are wrapped, so that missing trials are drawn on
+        fresh samples and no point of the rule lies on one random stream. None where the rule
+        itself can be measured, exact already or replaced.
     """
+    missing.set_slack(0.0)
     patch(system)
 
-    def unmeasurable() -> str | None:
+    def how() -> Counting | None:
         state = next(one.state for one in status().systems if one.system == system)
-        if state != "patched" or not discover().patches[system].wraps:
-            return None
-        return (
-            "the patch draws the missing trials on fresh samples, so no point of its rule lies on"
-            " one random stream; its numbers of trials and its outcomes are tested instead"
-        )
+        wraps = state == "patched" and discover().patches[system].wraps
+        return counted if wraps else None
 
-    return unmeasurable
+    return how
+
+
+def counted(call: Callable[[], object], *, exact: bool = True) -> dict[str, Any] | None:
+    """Make one call, and return how many trials it came to.
+
+    Parameters
+    ----------
+    call : callable
+        Calls a wrapped function once.
+    exact : bool, default True
+        False: the missing trials are not drawn, for comparison.
+
+    Returns
+    -------
+    dict or None
+        The fields of `ransac_fix.audit.model.TrialCount`. None where the call was passed through.
+    """
+    watched = Watched(exact)
+    token = CURRENT.set(watched)
+    try:
+        call()
+    finally:
+        CURRENT.reset(token)
+    if watched.first is None or watched.facts is None:
+        return None
+    first, last = judge(*watched.first, False), judge(*watched.facts, False)
+    _, n_samples, sample_size, confidence, trials, limit, _, _ = watched.facts
+    return {
+        "n_samples": int(n_samples),
+        "n_inliers": last.n_inliers,
+        "sample_size": sample_size,
+        "confidence": float(confidence),
+        "own": _finite(first.trials),
+        "first_inliers": first.n_inliers,
+        "trials": _finite(trials),
+        "required": _finite(last.needed),
+        "limit": _finite(limit),
+    }
+
+
+def _finite(value: float) -> int | None:
+    return int(value) if math.isfinite(value) else None

@@ -110,7 +110,7 @@ class LibraryPatch:
     wraps : bool, default False
         The functions replaced run a compiled library once more for the trials that its own rule
         leaves out; the rule itself stays. Such a library's points cannot be read off one random
-        stream, so the audit does not measure it while it is patched.
+        stream: the audit counts its trials and tests its outcomes instead.
     counts_trials : bool, default False
         The trials it tells of are what the library reports, not the least its rule asks for.
     """

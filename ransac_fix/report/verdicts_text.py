@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from ransac_fix.audit.model import AtDefaults, Guarantee, Point, Report, Verdict
+from ransac_fix.audit.model import AtDefaults, Extension, Guarantee, Point, Report, Verdict
 from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
 from ransac_fix.report.text_table import count_text, probability_text
 
@@ -23,6 +23,8 @@ STYLES = {
 }
 WIDEST = 100
 _INDENT = 4
+# Rows of a wrapped function's trials.
+_FEW = 4
 
 _POINTS_LEGEND = (
     "At trial t a model with I of n measurements was in hand, and u = -ln(1-s) was just high "
@@ -83,12 +85,51 @@ def _print_verdict(verdict: Verdict, console: "Console", every_point: bool) -> N
     body: list[Text | Table] = [Text(f"{verdict.reason}.")]
     if verdict.points:
         body.append(_points_table(verdict.points if every_point else _one_each(verdict.points)))
+    if verdict.extension is not None:
+        body += _extension(verdict.extension)
     if verdict.at_defaults is not None:
         body += _defaults(verdict.at_defaults)
     if verdict.advice:
         body.append(Text(verdict.advice, style="italic"))
     for part in body:
         console.print(Padding(part, (0, 0, 0, _INDENT), expand=False))
+
+
+def _extension(extension: Extension) -> "list[Text | Table]":
+    """Return the evidence on a wrapped function."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("n", "I", "k", "s", "own", "missing", "total", "exact"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for count in extension.counts[:_FEW]:
+        missing = None if count.trials is None or count.own is None else count.trials - count.own
+        table.add_row(
+            str(count.n_samples),
+            str(count.n_inliers),
+            str(count.sample_size),
+            f"{count.confidence:.4g}",
+            *map(count_text, (count.own, missing, count.trials, count.required)),
+        )
+    body: list[Text | Table] = [table]
+    test = extension.outcomes
+    if test is not None:
+        body.append(
+            Text(
+                f"Outcomes at n={test.n_samples} I={test.n_inliers} s={test.confidence:.4g}: the"
+                f" larger set is found in {_share(test.larger, test.smaller)} of the runs that find"
+                f" one, {test.chance_exact:.3f} with {test.exact:,} trials, {test.chance_own:.3f}"
+                f" with {test.own:,} (log likelihood ratio {test.log_ratio:+.1f}); without the"
+                f" missing trials in {_share(test.larger_alone, test.smaller_alone)}"
+                f" ({test.log_ratio_alone:+.1f})."
+            )
+        )
+    return body
+
+
+def _share(larger: int, smaller: int) -> str:
+    return f"{larger} of {larger + smaller}"
 
 
 def _one_each(points: Iterable[Point]) -> list[Point]:

@@ -33,20 +33,33 @@ def patched():
     )
 
 
-def test_a_wrapped_library_is_not_measured_by_points_it_cannot_have():
+def test_wrapped_libraries_are_proved_by_their_trials_and_outcomes():
+    names = ("poselib", "pydegensac", "kornia-rs", "theia", "opencv", "colmap")
     report = audit(
         Options(
-            ("poselib", "colmap"),
+            names,
             sys.executable,
             prepare="ransac_fix.patching.audited:patch_for_audit",
-            preparable=frozenset(("poselib", "colmap")),
+            preparable=frozenset(names),
             quick=True,
         )
     )
-    assert verdict_on(report, "poselib").verdict == "not measured"
-    assert "fresh samples" in verdict_on(report, "poselib").reason
-    # Exact already: nothing was wrapped.
-    assert verdict_on(report, "colmap").verdict == "exact"
+    for name in names:
+        verdict = verdict_on(report, name)
+        assert verdict.verdict == "exact", verdict
+        extension = verdict.extension
+        if name == "colmap":  # exact by itself: nothing is wrapped
+            assert extension is None
+            assert verdict.points
+            continue
+        assert extension.kept == extension.runs > 50
+        assert extension.extended > 20
+        if name == "theia":  # two rules a trial apart: it counts them itself
+            assert extension.counted
+            assert extension.outcomes is None
+        else:
+            assert extension.outcomes.log_ratio > 13
+            assert extension.outcomes.log_ratio_alone < -13
 
 
 def verdict_on(report, system):

@@ -11,7 +11,8 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.audit.worker import streams
-from ransac_fix.audit.worker.interface import EntryPoint, Probe, Unmeasured
+from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
+from ransac_fix.audit.worker.planted import plant
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -37,13 +38,15 @@ class Worker:
         spec.loader.exec_module(module)
         self.probe: Probe = module.PROBE
         self.entry_points: dict[str, EntryPoint] = {}
+        # Makes a call of a wrapped function and counts its trials.
+        self.counted: Callable[..., dict[str, Any] | None] | None = None
 
     def describe(self, request: dict[str, Any]) -> dict[str, Any]:
         """Import the library and name its entry points."""
-        unmeasurable: Callable[[], str | None] | None = None
+        how: Callable[[], Any] | None = None
         if request.get("prepare"):
             where, function = request["prepare"].split(":")
-            unmeasurable = getattr(importlib.import_module(where), function)(self.probe.system)
+            how = getattr(importlib.import_module(where), function)(self.probe.system)
         if self.probe.one_cpu and hasattr(os, "sched_setaffinity"):
             allowed = sorted(os.sched_getaffinity(0))
             os.sched_setaffinity(0, {allowed[os.getpid() % len(allowed)]})
@@ -51,14 +54,13 @@ class Worker:
         if library is None:
             return {"system": self.probe.system, "installed": False}
         listed = self.probe.entry_points(library)
-        why = unmeasurable() if unmeasurable is not None else None
-        if why is not None:
-            listed = [Unmeasured(one.name, why) for one in listed]
+        self.counted = None if how is None else how()
         self.entry_points = {one.name: one for one in listed if isinstance(one, EntryPoint)}
         return {
             "system": self.probe.system,
             "installed": True,
             "version": self._version(library),
+            "wrapped": self.counted is not None,
             "entry_points": [described(one) for one in listed],
         }
 
@@ -83,12 +85,46 @@ class Worker:
                 continue
         return str(getattr(library, "__version__", "unknown"))
 
+    def extended(self, entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
+        """Run a wrapped function on planted problems: count its trials, and what it returns.
+
+        ``cases`` are lists ``[n_samples, group_size, n_groups, strata, max_trials, confidence,
+        runs]``, strata as for `plant`; ``seed`` is that of the first problem; without ``exact``
+        the missing trials are not drawn.
+        """
+        assert self.counted is not None
+        counts, returned = [], []
+        seed = request["seed"]
+        for n_samples, size, n_groups, strata, max_trials, confidence, runs in request["cases"]:
+            settings = Settings(max_trials, confidence)
+            smaller = larger = 0
+            for _ in range(runs):
+                shape = n_samples, size, n_groups, size + 1, seed
+                planted = plant(entry_point.problem, *shape, strata=strata)
+                found: list[Outcome] = []
+                count = self.counted(
+                    lambda planted=planted, seed=seed, found=found, settings=settings: found.append(
+                        entry_point.run(planted, settings, seed)
+                    ),
+                    exact=request["exact"],
+                )
+                if count is not None:
+                    counts.append(count)
+                group = planted.group_of(found[0].inliers)
+                larger += group == n_groups
+                smaller += group is not None and group < n_groups
+                seed += 1
+            returned.append([smaller, larger])
+        return {"counts": counts, "returned": returned, "runs": seed - request["seed"]}
+
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Answer one request."""
         what = request["do"]
         if what == "describe":
             return self.describe(request)
         entry_point = self.entry_points[request["entry_point"]]
+        if what == "extended":
+            return self.extended(entry_point, request)
         return streams.REQUESTS[what](entry_point, request)
 
 
