@@ -53,7 +53,9 @@ class RowRecord:
     approximate: tuple[Estimate, ...]
     exact: tuple[Estimate, ...]
     change: tuple[Estimate, ...]
+    in_hand: tuple[float, float]
     trials: tuple[float, float]
+    trials_if_kept: float
     more_trials: Estimate
     more_trials_an_instance: Estimate
     tests: int
@@ -217,6 +219,12 @@ def _cells(rows: Sequence[Row]) -> list[list[str]]:
         if row.paper is not None:
             trials += ["", "", f"{row.paper.more_trials:+.1f}"]
         cells.append(trials)
+        kept = 100 * (row.trials_if_kept / row.trials[0] - 1)
+        first, last = row.in_hand
+        cells.append([ratio, "inliers in hand", f"{first:.2f}", f"{last:.2f}"])
+        cells.append(
+            [ratio, "trials, model kept", "", f"{row.trials_if_kept:,.1f}", f"{kept:+.2f}"]
+        )
     return [line + [""] * (len(_HEADER) - len(line)) for line in cells]
 
 
@@ -246,7 +254,9 @@ def _record(row: Row) -> RowRecord:
         row.approximate,
         row.exact,
         row.change,
+        row.in_hand,
         row.trials,
+        row.trials_if_kept,
         row.more_trials,
         row.more_trials_an_instance,
         row.tests,

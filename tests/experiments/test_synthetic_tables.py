@@ -21,7 +21,7 @@ from ransac_fix.errors import RansacFixError
 from ransac_fix.experiments.intervals import mean, relative_change
 from ransac_fix.experiments.synthetic import engine
 from ransac_fix.experiments.synthetic.engine import run_setups
-from ransac_fix.experiments.synthetic.runs import run_instances
+from ransac_fix.experiments.synthetic.runs import run_instances, trial_tables
 from ransac_fix.experiments.synthetic.setup import PAPER, Setup, paper_row
 from ransac_fix.experiments.synthetic.speed import measure_speed
 from ransac_fix.experiments.synthetic.tables import summarise, variants, with_changes
@@ -168,6 +168,19 @@ def test_a_row_is_the_mean_of_its_instances(alone):
     assert row.more_trials.value == pytest.approx(100 * (after / before - 1))
     assert row.paper == PAPER["line"][paper_ratio(LINE)]
     assert paper_row(Setup("line", 100, 30)) is None
+
+
+def test_a_row_tells_what_the_rules_had_in_hand(alone):
+    row = summarise(LINE, alone[0])
+    asked = trial_tables(50, 2, LINE.confidence)
+    in_hand = [
+        [min(i for i in range(51) if table[i] <= n) for n in column]
+        for table, column in zip(asked, alone[0].trials.T, strict=True)
+    ]
+    assert row.in_hand == pytest.approx((np.mean(in_hand[0]), np.mean(in_hand[1])))
+    kept = [max(asked[1][i], n) for i, n in zip(in_hand[0], alone[0].trials[:, 0], strict=True)]
+    assert row.trials_if_kept == pytest.approx(np.mean(kept))
+    assert row.trials[1] <= row.trials_if_kept  # better models only shorten a run
 
 
 def paper_ratio(setup):

@@ -3,9 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ransac_fix.experiments.intervals import Estimate, mean, relative_change
-from ransac_fix.experiments.synthetic.runs import Runs
+from ransac_fix.experiments.synthetic.runs import Runs, trial_tables
 from ransac_fix.experiments.synthetic.setup import PaperRow, Setup, Shape, paper_row
+
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +27,13 @@ class Row:
         AUC at 1, 2, 3 in percent.
     change : tuple of Estimate
         Exact relative to approximate, paired, in percent.
+    in_hand : tuple of float
+        Mean inliers in hand when the approximate and the exact rule stop: the fewest with which
+        each stops where it did.
     trials : tuple of float
         Mean trials of the approximate and the exact rule.
+    trials_if_kept : float
+        Mean trials of the exact rule if it kept the model in hand when the approximate one stops.
     more_trials : Estimate
         N_e/a in percent: all trials of the exact rule relative to all of the approximate one.
     more_trials_an_instance : Estimate
@@ -39,7 +49,9 @@ class Row:
     approximate: tuple[Estimate, ...]
     exact: tuple[Estimate, ...]
     change: tuple[Estimate, ...]
+    in_hand: tuple[float, float]
     trials: tuple[float, float]
+    trials_if_kept: float
     more_trials: Estimate
     more_trials_an_instance: Estimate
     tests: int
@@ -50,6 +62,10 @@ def summarise(setup: Setup, runs: Runs) -> Row:
     """Return the table's row for the runs of one setup."""
     approximate, exact = runs.gains[:, 0], runs.gains[:, 1]
     trials = runs.trials.astype(float)
+    asked = trial_tables(setup.n_samples, setup.sample_size, setup.confidence)
+    in_hand = [
+        _fewest_inliers(table, column) for table, column in zip(asked, runs.trials.T, strict=True)
+    ]
     n = range(approximate.shape[1])
     return Row(
         setup=setup,
@@ -57,12 +73,21 @@ def summarise(setup: Setup, runs: Runs) -> Row:
         approximate=tuple(mean(approximate[:, i]).times(100) for i in n),
         exact=tuple(mean(exact[:, i]).times(100) for i in n),
         change=tuple(relative_change(approximate[:, i], exact[:, i]).times(100) for i in n),
+        in_hand=(float(in_hand[0].mean()), float(in_hand[1].mean())),
         trials=(float(trials[:, 0].mean()), float(trials[:, 1].mean())),
+        trials_if_kept=float(np.maximum(asked[1][in_hand[0]], runs.trials[:, 0]).mean()),
         more_trials=relative_change(trials[:, 0], trials[:, 1]).times(100),
         more_trials_an_instance=mean(trials[:, 1] / trials[:, 0] - 1).times(100),
         tests=int(runs.tests.sum()),
         paper=paper_row(setup),
     )
+
+
+def _fewest_inliers(asked: IntArray, trials: IntArray) -> IntArray:
+    """Return for each run the fewest inliers with which its rule asks for no more trials."""
+    # The rule asks for fewer the more inliers there are.
+    fewest: IntArray = len(asked) - np.searchsorted(asked[::-1], trials, side="right")
+    return fewest
 
 
 def paper_change(paper: PaperRow, i: int) -> float:
