@@ -7,6 +7,7 @@ configuration sets ``ransac_fix_audit``. `docs/testing.md` shows both.
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,65 +58,69 @@ def pytest_collection_modifyitems(
     session: pytest.Session, config: pytest.Config, items: list[pytest.Item]
 ) -> None:
     """Add the audit to a session, unless single tests were named."""
-    systems = tuple(config.getini("ransac_fix_audit"))
-    if systems and not any("::" in argument for argument in config.args):
-        items += _Audits.from_parent(session, name="ransac-fix", systems=systems).collect()
+    if config.getini("ransac_fix_audit") and not any("::" in one for one in config.args):
+        items += session.genitems(
+            _Audits.from_parent(session, name="ransac-fix", asked=_asked(config))
+        )
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What a project configured; no systems mean all of them."""
+
+    systems: tuple[str, ...]
+    fail_on: "frozenset[Judgement]"
+    expectations: "tuple[Expectation, ...]"
+
+
+def _asked(config: pytest.Config) -> _Asked:
+    from ransac_fix.audit.expectations import load_expectations
+    from ransac_fix.audit.model import JUDGEMENTS
+    from ransac_fix.audit.session import chosen_probes
+    from ransac_fix.errors import RansacFixError
+
+    systems = config.getini("ransac_fix_audit")
+    expect = config.getini("ransac_fix_expect")
+    beside = config.rootpath if config.inipath is None else config.inipath.parent
+    try:
+        chosen = () if systems == [_EVERY] else tuple(chosen_probes(systems))
+        expectations = load_expectations(beside / expect) if expect else ()
+    except RansacFixError as error:
+        raise pytest.UsageError(f"ransac-fix: {error}") from None
+    fail_on = frozenset(config.getini("ransac_fix_fail_on"))
+    unknown = sorted(fail_on - set(JUDGEMENTS))
+    if unknown:
+        known = ", ".join(JUDGEMENTS)
+        raise pytest.UsageError(
+            f"ransac_fix_fail_on: there is no verdict {unknown[0]!r}; they are {known}"
+        )
+    return _Asked(chosen, fail_on, expectations)
 
 
 class _Audits(pytest.Collector):
     """The place of the audit among the tests."""
 
-    def __init__(self, systems: tuple[str, ...], **given: Any) -> None:
+    def __init__(self, asked: _Asked, **given: Any) -> None:
         super().__init__(nodeid="ransac-fix", **given)
-        self._systems = systems
+        self._asked = asked
 
     def collect(self) -> list[pytest.Item]:
-        from ransac_fix.audit.expectations import load_expectations
-        from ransac_fix.audit.model import JUDGEMENTS
-        from ransac_fix.audit.session import chosen_probes
-        from ransac_fix.errors import RansacFixError
-
-        config = self.config
-        try:
-            chosen = () if self._systems == (_EVERY,) else tuple(chosen_probes(self._systems))
-            expect = config.getini("ransac_fix_expect")
-            expectations = load_expectations(_beside_ini(config) / expect) if expect else ()
-        except RansacFixError as error:
-            raise pytest.UsageError(f"ransac-fix: {error}") from None
-        fail_on = frozenset(config.getini("ransac_fix_fail_on"))
-        unknown = sorted(fail_on - set(JUDGEMENTS))
-        if unknown:
-            known = ", ".join(JUDGEMENTS)
-            raise pytest.UsageError(
-                f"ransac_fix_fail_on: there is no verdict {unknown[0]!r}; they are {known}"
-            )
-        item = _Audit.from_parent(
-            self, name="audit", systems=chosen, fail_on=fail_on, expectations=expectations
-        )
-        return [item]
+        return [_Audit.from_parent(self, name="audit", asked=self._asked)]
 
 
 class _Audit(pytest.Item):
     """The audit of the installed libraries, as one test."""
 
-    def __init__(
-        self,
-        systems: tuple[str, ...],
-        fail_on: "frozenset[Judgement]",
-        expectations: "tuple[Expectation, ...]",
-        **given: Any,
-    ) -> None:
+    def __init__(self, asked: _Asked, **given: Any) -> None:
         super().__init__(**given)
-        self._systems = systems
-        self._fail_on = fail_on
-        self._expectations = expectations
+        self._asked = asked
 
     def runtest(self) -> None:
         from ransac_fix.audit.session import Options, audit
 
         quick = not self.config.getini("ransac_fix_every_entry_point")
-        report = audit(Options(self._systems, sys.executable, quick=quick))
-        complaints = list(_complaints(report, self._fail_on, self._expectations))
+        report = audit(Options(self._asked.systems, sys.executable, quick=quick))
+        complaints = list(_complaints(report, self._asked))
         if complaints:
             pytest.fail("\n".join(complaints), pytrace=False)
 
@@ -123,13 +128,7 @@ class _Audit(pytest.Item):
         return self.config.rootpath, None, "ransac-fix audit"
 
 
-def _beside_ini(config: pytest.Config) -> Path:
-    return config.rootpath if config.inipath is None else config.inipath.parent
-
-
-def _complaints(
-    report: "Report", fail_on: "frozenset[Judgement]", expectations: "tuple[Expectation, ...]"
-) -> Iterator[str]:
+def _complaints(report: "Report", asked: _Asked) -> Iterator[str]:
     """Say what is wrong with an audit, a line each."""
     from ransac_fix.audit.expectations import compare
 
@@ -137,20 +136,20 @@ def _complaints(
         if not control.passed:
             yield f"ransac-fix: control {control.name} was not identified: no verdict is given"
             return
-    surprises = compare(report, expectations, fail_on)
+    surprises = compare(report, asked.expectations, asked.fail_on)
     for unexpected in surprises.unexpected:
         yield f"{_name(unexpected.verdict)}: {unexpected.what}"
         if unexpected.verdict.advice:
             yield f"  {unexpected.verdict.advice}"
     for one in surprises.unmet:
         yield f"expected but not seen: {one.system} {one.entry_point}: {one.verdict}"
-    accepted = {(one.system, one.verdict) for one in expectations}
-    for system in dict.fromkeys(verdict.system for verdict in report.verdicts):
+    # What was named is to be measured, at least in part.
+    accepted = {one.system for one in asked.expectations if one.verdict == "not measured"}
+    for system in asked.systems:
         of_system = [verdict for verdict in report.verdicts if verdict.system == system]
-        if (system, "not measured") not in accepted and all(
-            verdict.verdict == "not measured" for verdict in of_system
-        ):
-            yield f"{system}: nothing could be measured: {of_system[0].reason}"
+        if system not in accepted and all(one.verdict == "not measured" for one in of_system):
+            reasons = [one.reason for one in of_system]
+            yield f"{system}: nothing could be measured: {(reasons or ['no entry point'])[0]}"
 
 
 def _name(verdict: "Verdict") -> str:

@@ -60,6 +60,7 @@ def test_nothing_is_audited_unless_asked_for(audited):
 def test_a_library_that_undersamples_fails_the_session(audited):
     result, (options,) = audited(report(SHORT, EXACT), "ransac_fix_audit = cv2 kornia")
     result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["collected 2 items"])
     assert result.ret == pytest.ExitCode.TESTS_FAILED
     assert (options.systems, options.python, options.quick) == (
         ("opencv", "kornia"),

@@ -49,6 +49,8 @@ KNOWN = [
     ("pytheia", "0.2.5", "EstimateHomography", "undersamples", "(I/n)^4"),
     ("pytheia", "0.2.6", "EstimateHomography", "oversamples", "C(int(I/n*n),4)/C(n,4)"),
     ("pydegensac", "0.3.0", "findFundamentalMatrix", "undersamples", "C((I+1),7)/C(n,7)"),
+    ("kornia", "0.8.2", "RANSAC", "undersamples", "(I/n)^4"),
+    ("kornia", "0.8.3", "RANSAC", "oversamples", "C(I,4)/C(n,4)"),
     ("kornia", "0.9.0", "RANSAC", "exact", "C(I,4)/C(n,4)"),
     ("poselib", "2.0.5", "estimate_homography", "undersamples", "(I/n)^4"),
     ("scikit-image", "0.20.0", "ransac", "undersamples", "(I/n)^2"),
