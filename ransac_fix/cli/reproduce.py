@@ -321,7 +321,7 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
             type=int,
             default=1,
             show_default=True,
-            help="Workers; more than idle cores lengthen the times.",
+            help="Workers.",
         ),
     ]
     for option in reversed(options):

@@ -101,7 +101,7 @@ def draw_teaser(rows: Sequence[Row], path: Path) -> None:
                     fontsize=6,
                 )
         axes.margins(x=0.12, y=0.12)
-        axes.set_xlabel("mean run time (ms)")
+        axes.set_xlabel("mean processor time (ms)")
         axes.set_ylabel("AUC@10 (%)")
         axes.set_title(f"{_NAMES[rows[0].kind]}, $n={rows[0].n_samples}$, a point a confidence $s$")
         axes.legend(loc="lower right")

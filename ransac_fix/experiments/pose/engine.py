@@ -118,7 +118,7 @@ def run_problems(
     store : Store, optional
         Where finished subsamples are kept; those that are there already are not run again.
     n_jobs : int, default 1
-        Workers. More than the machine's idle cores make the times longer.
+        Workers.
     progress : callable
         Called with the subsamples done and all of them.
 

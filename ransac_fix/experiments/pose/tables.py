@@ -34,7 +34,8 @@ class Row:
         Exact relative to approximate, paired by subsample, the subsamples of a pair taken
         together; None where the approximate AUC is 0 or there is one pair with one subsample.
     seconds, trials : tuple of float
-        Means of the approximate and the exact rule; of trials None where they are not known.
+        Means of the approximate and the exact rule, the times processor times; of trials None
+        where they are not known.
     capped, differing : float or None
         Shares of the subsamples in percent: where a rule was not met within the cap, and where
         the rules stopped at different trials. None where the trials are not known.
