@@ -84,7 +84,8 @@ def verdicts_for(
     version : str or None
         The release; None for every release measured.
     function : str, optional
-        Keep the entry points of this function or class; a module before it is ignored.
+        Keep the entry points of this function or class; a module before it is ignored. Or one
+        entry point as the audit prints it, with its method in parentheses.
 
     Returns
     -------
@@ -98,7 +99,7 @@ def verdicts_for(
         one
         for one in _of_distribution(distribution)
         if (wanted is None or _version(one.version) == wanted)
-        and (function is None or one.function == _function(function))
+        and (function is None or _is_of(one, function))
     )
 
 
@@ -180,6 +181,12 @@ def _of_distribution(distribution: str) -> list[StoredVerdict]:
         if wanted in map(canonicalize_name, system.distributions):
             return [one for one in load_verdicts() if one.system == system.name]
     return []
+
+
+def _is_of(one: StoredVerdict, function: str) -> bool:
+    if "(" in function:
+        return one.entry_point == function
+    return one.function == _function(function)
 
 
 def _function(name: str) -> str:

@@ -49,20 +49,20 @@ KNOWN = [
     ("pytheia", "0.2.5", "EstimateHomography", "undersamples", "(I/n)^4"),
     ("pytheia", "0.2.6", "EstimateHomography", "oversamples", "C(int(I/n*n),4)/C(n,4)"),
     ("pydegensac", "0.3.0", "findFundamentalMatrix", "undersamples", "C((I+1),7)/C(n,7)"),
-    ("kornia", "0.8.2", "RANSAC", "undersamples", "(I/n)^4"),
-    ("kornia", "0.8.3", "RANSAC", "oversamples", "C(I,4)/C(n,4)"),
-    ("kornia", "0.9.0", "RANSAC", "exact", "C(I,4)/C(n,4)"),
+    ("kornia", "0.8.2", "RANSAC(homography)", "undersamples", "(I/n)^4"),
+    ("kornia", "0.8.3", "RANSAC(homography)", "oversamples", "C(I,4)/C(n,4)"),
+    ("kornia", "0.9.0", "RANSAC(homography)", "exact", "C(I,4)/C(n,4)"),
     ("poselib", "2.0.5", "estimate_homography", "undersamples", "(I/n)^4"),
-    ("scikit-image", "0.20.0", "ransac", "undersamples", "(I/n)^2"),
+    ("scikit-image", "0.20.0", "measure.ransac", "undersamples", "(I/n)^2"),
     ("scikit-learn", "1.9.1", "RANSACRegressor", "undersamples", "(I/n)^2"),
 ]
 
 
-@pytest.mark.parametrize(("distribution", "version", "function", "verdict", "rule"), KNOWN)
-def test_the_table_holds_what_is_known(distribution, version, function, verdict, rule):
-    found = verdicts_for(distribution, version, function)
-    assert found
-    assert all(one.verdict == verdict and rule in one.formula for one in found)
+@pytest.mark.parametrize(("distribution", "version", "entry_point", "verdict", "rule"), KNOWN)
+def test_the_table_holds_what_is_known(distribution, version, entry_point, verdict, rule):
+    (found,) = verdicts_for(distribution, version, entry_point)
+    assert found.verdict == verdict
+    assert rule in found.formula
 
 
 @pytest.mark.parametrize(
@@ -117,6 +117,13 @@ def test_a_release_is_found_by_any_distribution_and_spelling(planted):
 def test_a_function_is_found_whatever_module_it_is_called_through(planted, function):
     found = verdicts_for("opencv-python", "1.2", function)
     assert [one.entry_point for one in found] == ["vision.fit(RANSAC)", "vision.fit(USAC)"]
+
+
+def test_an_entry_point_is_found_by_its_whole_name(planted):
+    (found,) = verdicts_for("opencv-python", "1.2", "vision.fit(USAC)")
+    assert found.verdict == "exact"
+    assert verdicts_for("opencv-python", "1.2", "fit(USAC)") == ()
+    assert fixed_release("opencv-python", "1.0", "vision.fit(RANSAC)") == "2.0"
 
 
 def test_without_a_release_all_are_answered(planted):
