@@ -14,7 +14,7 @@ from itertools import islice
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
-from ransac_fix.scan.form import Expr, Name, Num, Op, Over, Span
+from ransac_fix.scan.form import Expr, Fn, Name, Num, Op, Over, Span
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
 from ransac_fix.scan.sizes import size_drawn
@@ -112,18 +112,46 @@ def counts_at(read: ReadSite) -> Counts | None:
 
 
 def counts_of(ratio: Expr) -> Counts | None:
-    """Read I and n out of I/n, I*(1/n), 1 - outliers/n or 1 - (n - I)/n, if there is one way to."""
-    found = algebra.counts_of(ratio)
-    if found is not None:
-        return _made(found.n_inliers, found.n_samples, found.division, found.division)
-    match algebra.plain(ratio):
+    """Read I and n out of I/n, I*(1/n), 1 - outliers/n or 1 - (n - I)/n, if there is one way to.
+
+    Unlike the recogniser this keeps names: what a name stood for earlier may have changed since.
+    """
+    found = _only(algebra.readings(ratio))
+    match found[0] if found else None:
+        case Op(op="div", args=(top, bottom)) as division:
+            return _made(top, bottom, division, division)
         case Op(op="mul", args=(left, right)) as product:
             for count, other in ((left, right), (right, left)):
                 match algebra.plain(other):
                     case Op(op="div", args=(one, total)) as reciprocal:
                         if algebra.number(one) == 1.0:
                             return _made(count, total, product, reciprocal)
+        case Op(op="add" | "sub") as difference:
+            constant = 0.0
+            others: list[tuple[int, Expr]] = []
+            for sign, term in algebra.terms(difference):
+                value = algebra.number(term)
+                if value is None:
+                    others += [(sign, one) for one in _only(algebra.readings(term))]
+                else:
+                    constant += sign * value
+            match others:
+                case [(-1, Op(op="div", args=(top, bottom)) as division)] if constant == 1.0:
+                    return _made(_rest_of(bottom, top), bottom, division, division)
+                case [(1, Op(op="div", args=(top, bottom)) as division)] if constant == 0.0:
+                    return _made(top, bottom, division, division)
     return None
+
+
+def _rest_of(total: Expr, part: Expr) -> Expr:
+    """Give total - part, or I where part is written total - I."""
+    inner = part
+    while isinstance(inner, Fn) and inner.name == "same":
+        inner = inner.args[0]
+    match inner:
+        case Op(op="sub", args=(whole, rest)) if algebra.key(whole) == algebra.key(total):
+            return rest
+    return Op("sub", (total, part))
 
 
 def _made(n_inliers: Expr, n_samples: Expr, inliers_in: Expr, samples_in: Expr) -> Counts | None:

@@ -250,7 +250,7 @@ class PythonSource(Source):
             parameters=(self._span(own),),
             calls=tuple(calls),
             private=nested or definition.name.startswith("_"),
-            declared="{}",
+            declared="{}" if own.annotation is None else "{}: int",
             body=Span(first.lineno, 0, first.lineno, 0),
             statement=f"{lead}{{name}} = {{value}}\n",
             names=frozenset(names),

@@ -61,6 +61,15 @@ def trials(n_inliers, n_samples, k, s):
     e = n_outliers / n_samples
     return log(1 - s) / log(1 - (1 - e) ** k)
 """,
+    "a count that changed since the outliers were counted": """
+from math import log
+
+def trials(n_inliers, n_samples, k, s):
+    n_outliers = n_samples - n_inliers
+    n_inliers = 0
+    w = 1 - n_outliers / n_samples
+    return log(1 - s) / log(1 - w**k) + n_inliers
+""",
     "exp of log": """
 import numpy as np
 
@@ -320,6 +329,23 @@ def ransac(inliers, points):
     assert "def trials(n_inliers, n_samples, k, s):" in after
     assert "return trials(len(inliers), len(points), 3, 0.99)" in after
     assert fixed(after, unsafe=True) == after
+
+
+def test_a_call_passes_names_and_not_what_they_stand_for():
+    source = """
+from math import log
+
+def _trials(ep: float, k):
+    return log(0.1) / log(1 - (1 - ep) ** k)
+
+def ransac(points, fit):
+    count = len(points)
+    n_good = fit(points)
+    return _trials((count - n_good) / count, 3)
+"""
+    after = fixed(source)
+    assert "def _trials(n_inliers: int, n_samples: int, k):" in after
+    assert "return _trials(n_good, count, 3)" in after
 
 
 KEPT_HELPERS = {
