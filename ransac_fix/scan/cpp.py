@@ -510,8 +510,11 @@ class _Reader:
                     node.child_by_field_name("consequence"),
                     node.child_by_field_name("alternative"),
                 )
+                asked = node.child_by_field_name("condition")
                 return form.Choice(
-                    tuple(self.expr(one) for one in options if one is not None), span
+                    tuple(self.expr(one) for one in options if one is not None),
+                    span,
+                    self.expr(asked) if asked is not None else None,
                 )
             case "call_expression":
                 return self._call(node, span)

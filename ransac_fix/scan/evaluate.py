@@ -502,6 +502,8 @@ class _Evaluator:
             case Call():
                 return self._evaluate_call(expr, env)
             case Choice():
+                if expr.test is not None:
+                    self._expr(expr.test, env)
                 return self._choice([self._expr(one, env) for one in expr.options], expr.span)
             case Item():
                 base = self._expr(expr.base, env)

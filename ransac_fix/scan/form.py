@@ -77,10 +77,14 @@ class Fn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """One of several values: a conditional expression, or definitions that meet at a join."""
+    """One of several values: a conditional expression, or definitions that meet at a join.
+
+    ``test`` is what a conditional expression asks, as it was written.
+    """
 
     options: "tuple[Expr, ...]"
     span: Span | None = None
+    test: "Expr | None" = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

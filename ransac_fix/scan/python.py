@@ -299,7 +299,9 @@ class _Reader:
             case ast.Compare():
                 return self._compare(node, span)
             case ast.IfExp():
-                return form.Choice((self.expr(node.body), self.expr(node.orelse)), span)
+                return form.Choice(
+                    (self.expr(node.body), self.expr(node.orelse)), span, self.expr(node.test)
+                )
             case ast.Call():
                 return self._call(node, span)
             case ast.Subscript():

@@ -76,8 +76,8 @@ def children(expr: Expr) -> tuple[Expr, ...]:
             return (*((expr.base,) if expr.base is not None else ()), *expr.args, *values)
         case Op(args=args):
             return args
-        case Choice(options=options):
-            return options
+        case Choice(options=options, test=test):
+            return options if test is None else (test, *options)
         case Ref(value=value):
             return (value,)
         case Each(body=inner, source=source):
