@@ -1,25 +1,78 @@
-"""How long the scan of a tree takes: cold, warm, and next to reading it.
+"""How long the scan of a tree takes: cold, warm, next to reading it, and next to semgrep.
 
-    python benchmarks/scan_speed.py FOLDER [--jobs N] [--no-gates]
+    python benchmarks/scan_speed.py FOLDER [--jobs N] [--semgrep COMMAND] [--no-gates]
 
+Each figure is of a process of its own: wall time, processor time with that of its workers, and the
+largest memory of one of its processes. On a busy machine only the processor times mean anything.
+
+``--semgrep`` runs semgrep with a rule that has the plain spellings of the same formula over the
+Python files of the folder; this package reads the same files, and once more all it knows.
 ``--no-gates`` scans once more with every gate off, which takes many minutes on a large tree, and
 says whether the findings are the same.
 """
 
 import argparse
+import json
+import os
 import resource
+import subprocess
+import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from ransac_fix.scan import ScanResult, scan_paths
 from ransac_fix.scan.files import find_files
 
+_RULE = """
+rules:
+  - id: approximate-stopping-rule
+    languages: [python]
+    severity: WARNING
+    message: the power of the inlier ratio in a stopping rule
+    pattern-either:
+      - pattern: $A / $M.log(1 - $W ** $K)
+      - pattern: $A / $M.log(1 - pow($W, $K))
+      - pattern: $A / $M.log(1 - $N.power($W, $K))
+      - patterns:
+          - pattern: $A / $M.log($D)
+          - pattern-inside: |
+              $D = <... 1 - $W ** $K ...>
+              ...
+"""
+_READ = """
+import sys
+for name in open(sys.argv[1]).read().split("\\0"):
+    open(name, "rb").read()
+"""
 
-def timed(folder: Path, **options: object) -> tuple[float, ScanResult]:
-    start = time.perf_counter()
-    result = scan_paths([folder], **options)  # type: ignore[arg-type]
-    return time.perf_counter() - start, result
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What one process took."""
+
+    wall: float
+    processor: float
+    output: str
+
+    def __str__(self) -> str:
+        return f"{self.wall:7.2f} s, {self.processor:7.2f} s of processors"
+
+
+def run(*command: str, cache: Path | None = None, folder: Path | None = None) -> Run:
+    """Run a command to its end and measure it."""
+    environment = dict(os.environ)
+    if cache is not None:
+        environment["XDG_CACHE_HOME"] = str(cache)
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder)
+    wall = time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        raise SystemExit(done.stderr[-2000:])
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Run(wall, spent, done.stdout)
 
 
 def places(result: ScanResult) -> set[tuple[str, str, int]]:
@@ -29,33 +82,64 @@ def places(result: ScanResult) -> set[tuple[str, str, int]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--jobs", type=int, default=-1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--semgrep", metavar="COMMAND")
     parser.add_argument("--no-gates", action="store_true")
     options = parser.parse_args()
 
-    start = time.perf_counter()
     files = [file.path for file in find_files([str(options.folder)])]
-    walked = time.perf_counter() - start
-    start = time.perf_counter()
-    size = sum(len(Path(path).read_bytes()) for path in files)
-    read = time.perf_counter() - start
-    print(f"{len(files)} files, {size / 1e6:.0f} MB; walk {walked:.2f} s, reading {read:.2f} s")
-
-    with tempfile.TemporaryDirectory() as folder:
-        cache = Path(folder) / "scanned"
-        cold, result = timed(options.folder, jobs=options.jobs, cache=cache)
-        warm, again = timed(options.folder, jobs=options.jobs, cache=cache)
-    assert places(again) == places(result)
-    print(f"cold {cold:.2f} s ({cold / (walked + read):.1f} times walking and reading)")
-    print(f"warm {warm:.2f} s ({warm / (walked + read):.1f} times)")
-    print(f"findings {len(result.findings)}, errors {len(result.errors)}")
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(f"memory {max(one.ru_maxrss for one in usage) / 1024:.0f} MB at most in one process")
+    size = sum(Path(path).stat().st_size for path in files)
+    print(f"{len(files)} files, {size / 1e6:.0f} MB")
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        listed = folder / "files"
+        listed.write_text("\0".join(files))
+        run(sys.executable, "-c", _READ, str(listed))  # into the memory of the system
+        bare = run(sys.executable, "-c", _READ, str(listed))
+        scan = [sys.executable, "-m", "ransac_fix", "scan", "--exit-zero", "--output-format"]
+        scan += ["json", "--jobs", str(options.jobs)]
+        cold = run(*scan, str(options.folder), cache=folder)
+        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        warm = run(*scan, str(options.folder), cache=folder)
+        found = json.loads(cold.output)
+        print(f"reading {bare}")
+        print(f"cold    {cold}, {cold.processor / bare.processor:6.1f} times reading")
+        print(f"warm    {warm}, {warm.processor / bare.processor:6.1f} times reading")
+        print(f"memory  {peak:7.0f} MB at most in one process")
+        print(f"findings {len(found['findings'])}, errors {len(found['errors'])}")
+        if options.semgrep:
+            rule = folder / "rule.yml"
+            rule.write_text(_RULE)
+            python = [path for path in files if path.endswith(".py")]
+            tree = folder / "python"
+            for path in python:
+                target = tree / Path(path).relative_to(options.folder)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(Path(path).read_bytes())
+            same = run(*scan, "--no-cache", str(tree))
+            semgrep = run(
+                *options.semgrep.split(),
+                *("scan", "--config", str(rule), "--metrics=off", "--disable-version-check"),
+                *("--no-git-ignore", "--x-ignore-semgrepignore-files", "--max-target-bytes=0"),
+                *(f"--jobs={options.jobs}", "--json", "--quiet", str(tree)),
+                folder=folder,
+            )
+            report = json.loads(semgrep.output)
+            print(f"{len(python)} Python files by both:")
+            print(f"here    {same}; findings {len(json.loads(same.output)['findings'])}")
+            print(f"semgrep {semgrep}; findings {len(report['results'])}")
+            print(f"semgrep scanned {len(report['paths']['scanned'])} of them")
+            ratios = semgrep.wall / same.wall, semgrep.processor / same.processor
+            print(f"{ratios[0]:.1f} times the wall time, {ratios[1]:.1f} times the processor time")
+            print(f"{semgrep.processor / warm.processor:.1f} times that of a warm scan")
     if options.no_gates:
-        slow, ungated = timed(options.folder, jobs=options.jobs, gate=False)
-        same = places(ungated) == places(result)
-        print(f"without gates {slow:.0f} s, findings {'the same' if same else 'DIFFER'}")
-        for one in sorted(places(ungated) ^ places(result)):
+        gated = scan_paths([options.folder], jobs=options.jobs)
+        start = time.perf_counter()
+        ungated = scan_paths([options.folder], jobs=options.jobs, gate=False)
+        same_places = places(ungated) == places(gated)
+        print(f"without gates {time.perf_counter() - start:.0f} s of wall time, findings", end=" ")
+        print("the same" if same_places else "DIFFER")
+        for one in sorted(places(ungated) ^ places(gated)):
             print(f"  {one}")
 
 

@@ -98,7 +98,7 @@ def fix_findings(
             data = Path(path).read_bytes() if data is None else data
             encoding = encoding_of(data, language)
             before = data.decode(encoding)
-        except (OSError, UnicodeDecodeError, SyntaxError) as error:
+        except (OSError, UnicodeError, SyntaxError, LookupError) as error:
             errors.append(ScanError(path, f"left alone: it changed meanwhile: {error}", named=True))
             continue
         made, edits = _together(wanted)

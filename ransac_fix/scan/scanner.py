@@ -127,7 +127,7 @@ def scan_data(
         return FileResult(digest=digest)
     try:
         source = decode(data, file.language)
-    except (SyntaxError, UnicodeDecodeError, LookupError) as error:
+    except (SyntaxError, UnicodeError, LookupError) as error:
         return FileResult(errors=(_error(file, f"cannot be decoded: {error}"),))
     findings, errors = scan_source(source, file, chosen, gate=gate, settings=settings)
     return FileResult(findings, errors, None if findings or errors else digest)
@@ -165,7 +165,7 @@ def decode(data: bytes, language: str = "python") -> str:
 
     Raises
     ------
-    SyntaxError, UnicodeDecodeError, LookupError
+    SyntaxError, UnicodeError, LookupError
         The bytes are not text in the encoding that the file declares.
     """
     return data.decode(encoding_of(data, language))

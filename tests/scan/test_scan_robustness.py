@@ -60,6 +60,8 @@ def test_bytes_never_crash(tmp_path_factory, data):
     [
         ("latin.py", b"# caf\xe9 ransac log(1-w**k)\n", "cannot be decoded"),
         ("coding.py", b"# coding: nonsense\n# ransac log(1-w**k)\n", "cannot be decoded"),
+        ("undefined.py", b"# coding: undefined\n# ransac log(1-w**k)\n", "cannot be decoded"),
+        ("hex.py", b"# coding: hex\n# ransac log(1-w**k)\n", "cannot be decoded"),
         ("null.py", b"x = '\x00'  # ransac log(1-w**k)\n", "not Python that can be read"),
         ("broken.py", b"def ransac(:\n    log(1-w**k)\n", "not Python that can be read"),
         ("deep.py", b"x = " + b"(" * 5000 + b"log(1-w**k)" + b")" * 5000 + b"  # ransac\n", ""),
