@@ -18,7 +18,7 @@ class Draw:
 
     Attributes
     ----------
-    law : {"distinct", "replacement", "weighted", "single"}
+    law : {"distinct", "replacement", "weighted", "single", "single in c"}
         ``single``: one index at a time, so with replacement unless checked.
     span : Span
     function : Function or None
@@ -48,23 +48,41 @@ _DISTINCT = frozenset(
     ]
 )
 _SINGLE = frozenset(["randrange", "irand", "rand_int"])
+# How C and C++ draw one index: a call, or the remainder of one.
+_SINGLE_IN_C = frozenset(["RandomInt", "randomInt", "RandInt", "randInt"])
+_RANDOM_IN_C = frozenset(["rand", "random", "lrand48", "rand_r"])
 _CHECKS = frozenset(["unique", "set", "unique_consecutive", "isin", "in1d", "duplicated"])
+
+# ... and how they see to it that none comes twice, besides comparing.
+_CHECKS_IN_C = _CHECKS | {"find", "insert", "count", "contains", "erase", "pop_back", "swap"}
 
 
 def draws(module: Module) -> list[Draw]:
     """Find the calls of a file that draw indices, single draws settled by what checks them."""
     found: list[Draw] = []
     checked: set[int | None] = set()
+    checked_in_c: set[int | None] = set()
     for expr, function, loops in expressions(module.body, None, 0):
         if isinstance(expr, Call):
             if expr.name in _CHECKS:
                 checked.add(_key(function))
+            if expr.name in _CHECKS_IN_C:
+                checked_in_c.add(_key(function))
             law = _law(expr)
             if law is not None and expr.span is not None:
                 found.append(Draw(law, expr.span, function, loops, _size(expr)))
         elif isinstance(expr, Op) and expr.op == "in" and loops:
             checked.add(_key(function))
-    return [_settled(draw, _key(draw.function) in checked) for draw in found]
+        elif isinstance(expr, Op) and expr.op in ("==", "!=") and loops:
+            checked_in_c.add(_key(function))
+        elif isinstance(expr, Op) and _is_remainder(expr) and expr.span is not None:
+            found.append(Draw("single in c", expr.span, function, loops))
+    return [
+        _settled(
+            draw, _key(draw.function) in (checked_in_c if draw.law == "single in c" else checked)
+        )
+        for draw in found
+    ]
 
 
 def law_for(
@@ -113,10 +131,18 @@ def same_function(one: Function | None, other: Function | None) -> bool:
 
 
 def _settled(draw: Draw, checked: bool) -> Draw:
-    if draw.law == "single" or (draw.law == "replacement" and checked):
+    if draw.law in ("single", "single in c") or (draw.law == "replacement" and checked):
         law = "distinct" if checked else "replacement"
         return Draw(law, draw.span, draw.function, draw.loops, draw.size)
     return draw
+
+
+def _is_remainder(expr: Op) -> bool:
+    """Whether an expression reads ``rand() % n``."""
+    match expr:
+        case Op(op="mod", args=(Call(name=name), _)):
+            return name in _RANDOM_IN_C
+    return False
 
 
 def _key(function: Function | None) -> int | None:
@@ -150,6 +176,8 @@ def _law(call: Call) -> str | None:
         return "replacement" if several else "single"
     if call.name in _SINGLE:
         return "single"
+    if call.name in _SINGLE_IN_C:
+        return "single in c"
     if call.name == "random_":
         return "replacement"
     if call.name in ("topk", "argsort") and _draws_noise(call.args[:1]):

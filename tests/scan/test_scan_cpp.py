@@ -257,3 +257,44 @@ def test_no_source_crashes_it(data):
     )
     file = SourceFile("ransac.cpp", "c++", named=True)
     scan_source(source[:start] + noise + source[end:], file, gate=False)
+
+
+DRAWS = {
+    "unchecked": ("sample.push_back(rand() % n);", "RFX003"),
+    "unchecked, by a call": ("sample.push_back(RandomInt(0, n - 1));", "RFX003"),
+    "found before": (
+        """int i = rand() % n;
+           if (std::find(sample.begin(), sample.end(), i) == sample.end()) sample.push_back(i);""",
+        "RFX001",
+    ),
+    "taken out": (
+        """int i = RandomInt(0, left.size() - 1);
+           sample.push_back(left[i]); left[i] = left.back(); left.pop_back();""",
+        "RFX001",
+    ),
+    "drawn again": (
+        "int i = rand() % n; while (i == last) { i = rand() % n; } sample.push_back(i);",
+        "RFX001",
+    ),
+}
+
+
+@pytest.mark.parametrize(("draw", "code"), DRAWS.values(), ids=DRAWS)
+def test_reads_a_sampler_that_draws_one_index_at_a_time(draw, code):
+    source = f"""
+#include <cmath>
+int ransac(int n, int k, double s) {{
+  double N = 1000;
+  for (int t = 0; t < N; ++t) {{
+    std::vector<int> sample;
+    for (int j = 0; j < k; ++j) {{ {draw} }}
+    int n_inliers = evaluate(sample);
+    N = log(1 - s) / log(1 - pow(double(n_inliers) / n, k));
+  }}
+  return N;
+}}
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.cpp", "c++", named=True))
+    assert finding.code == code
+    # Distinct samples have no form of their own here, and the power alone is not replaced.
+    assert (finding.fix is None) == (code == "RFX003")
