@@ -1,6 +1,7 @@
-"""Outcomes of the wrapped libraries that the tests cannot install: bare and exact.
+"""Outcomes of wrapped libraries that cannot be seeded: bare and exact.
 
-    python benchmarks/wrapper_proof.py colmap     # in an environment with pycolmap 3.11.1
+    python benchmarks/wrapper_proof.py magsac     # in an environment with pymagsac 0.2.3
+    python benchmarks/wrapper_proof.py gc-ransac    # ... with pygcransac 0.1.1 and NumPy 1
     OMP_NUM_THREADS=1 python benchmarks/wrapper_proof.py open3d    # ... with open3d 0.19 or 0.20
 
 Two groups of measurements are planted, and the larger one is to be found. With the smaller in
@@ -23,6 +24,7 @@ from ransac_fix.patching import missing
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "systems"))
 from planted_views import (
+    CAMERA,
     Planted,
     chance_of_larger,
     likelihood_ratio,
@@ -34,50 +36,79 @@ CONFIDENCE = 0.5
 Case = tuple[str, str, int, tuple[int, int], int, Any, Callable[[Planted, int], Any]]
 
 
-def colmap_cases() -> list[Case]:
-    import pycolmap
+def _rows(p: Planted) -> np.ndarray:
+    return np.hstack([p.x, p.y])
 
-    camera = pycolmap.Camera(
-        model="PINHOLE", width=640, height=480, params=[800.0, 800.0, 320.0, 240.0]
-    )
-    options = {
-        "max_error": 0.02,
-        "min_num_trials": 0,
-        "max_num_trials": 1_000_000,
-        "dyn_num_trials_multiplier": 1.0,
-        "min_inlier_ratio": 1e-6,
-        "confidence": CONFIDENCE,
-    }
-    pose = {"ransac": options}
 
-    def of(result: Any) -> Any:
-        return None if result is None else result["inlier_mask"]
+def magsac_cases() -> list[Case]:
+    import pymagsac
+
+    settings = {"sampler": 0, "sigma_th": 0.02, "conf": CONFIDENCE, "min_iters": 0}
+    settings["max_iters"] = 100_000
+    size = 1100.0, 1100.0, 1100.0, 1100.0
+
+    def call(name: str, *between: Any) -> Callable[[Planted, int], Any]:
+        # Looked up in every call: patched or not.
+        return lambda p, _: getattr(pymagsac, name)(
+            _rows(p), *between, np.ones(len(p.x)), **settings
+        )[1]
+
+    return [
+        ("findHomography", *("affine", 14, (5, 6), 4, "distinct"), call("findHomography", *size)),
+        (
+            "findFundamentalMatrix",
+            *("two views", 21, (10, 11), 7, "distinct"),
+            call("findFundamentalMatrix", *size),
+        ),
+        (
+            "findEssentialMatrix",
+            *("two views", 21, (10, 11), 5, "distinct"),
+            call("findEssentialMatrix", CAMERA, CAMERA, *size),
+        ),
+        (
+            "findRigidTransformation",
+            *("rigid", 14, (5, 6), 3, "distinct"),
+            call("findRigidTransformation"),
+        ),
+    ]
+
+
+def gc_ransac_cases() -> list[Case]:
+    import pygcransac
+
+    settings = {"sampler": 0, "conf": CONFIDENCE, "min_iters": 0, "max_iters": 100_000}
+    settings |= {"use_sprt": False, "lo_number": 0, "spatial_coherence_weight": 0.0}
+    size = 1100, 1100, 1100, 1100
+    whole = {"use_space_partitioning": False}
+
+    def call(
+        name: str, threshold: float, *between: Any, **more: Any
+    ) -> Callable[[Planted, int], Any]:
+        chosen = {"threshold": threshold, **settings, **more}
+        return lambda p, _: getattr(pygcransac, name)(
+            _rows(p), *between, np.ones(len(p.x)), **chosen
+        )[1]
 
     return [
         (
-            "estimate_homography_matrix",
+            "findHomography",
             *("affine", 14, (5, 6), 4, "distinct"),
-            lambda p, _: of(pycolmap.estimate_homography_matrix(p.x, p.y, options)),
+            call("findHomography", 0.02, *size, **whole),
         ),
         (
-            "estimate_fundamental_matrix",
+            "findFundamentalMatrix",
             *("two views", 20, (9, 10), 7, "distinct"),
-            lambda p, _: of(pycolmap.estimate_fundamental_matrix(p.x, p.y, options)),
+            call("findFundamentalMatrix", 0.01, *size),
         ),
         (
-            "estimate_essential_matrix",
+            "findEssentialMatrix",
             *("two views", 16, (7, 8), 5, "distinct"),
-            lambda p, _: of(pycolmap.estimate_essential_matrix(p.x, p.y, camera, camera, options)),
+            call("findEssentialMatrix", 0.01, CAMERA, CAMERA, *size),
         ),
         (
-            "estimate_absolute_pose",
-            *("pose", 14, (5, 6), 3, "distinct"),
-            lambda p, _: of(pycolmap.estimate_absolute_pose(p.y, p.x, camera, pose)),
-        ),
-        (
-            "estimate_and_refine_absolute_pose",
-            *("pose", 14, (5, 6), 3, "distinct"),
-            lambda p, _: of(pycolmap.estimate_and_refine_absolute_pose(p.y, p.x, camera, pose)),
+            "findRigidTransform",
+            *("rigid", 14, (5, 6), 3, "distinct"),
+            call("findRigidTransform", 1e-4, **whole),
         ),
     ]
 
@@ -126,7 +157,8 @@ def open3d_cases() -> list[Case]:
 
 def main(system: str) -> int:
     """Run all cases of a system; return the exit code."""
-    cases = {"colmap": colmap_cases, "open3d": open3d_cases}[system]()
+    kinds = {"magsac": magsac_cases, "gc-ransac": gc_ransac_cases, "open3d": open3d_cases}
+    cases = kinds[system]()
     missing.set_slack(0)
     print("| function | N_a | N_e | chance | bare | wrapped |")
     print("| --- | --- | --- | --- | --- | --- |")
@@ -138,11 +170,16 @@ def main(system: str) -> int:
             hits = [math.comb(size, k) / math.comb(n_samples, k) for size in sizes]
         else:
             hits = [math.perm(size, k) / n_samples**k for size in sizes]
-        unlikely, likely = (chance_of_larger(number, *hits) for number in trials)
+        least = k, n_samples, k, CONFIDENCE
+        most = approximate_required_trials(*least), required_trials(*least, sampling=sampling)
+        unlikely, likely = (
+            chance_of_larger(number, *hits, last) for number, last in zip(trials, most, strict=True)
+        )
 
         def run(seed: int, args: Any = (kind, n_samples, sizes), call: Any = call) -> bool:
             planted = plant(*args, seed)
-            return planted.found(call(planted, seed)) == 1
+            mask = call(planted, seed)
+            return mask is not None and bool(np.all(np.asarray(mask)[planted.labels == 1]))
 
         bare = likelihood_ratio(run, likely, unlikely)
         with patched(system, threads=True):

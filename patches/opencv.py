@@ -268,7 +268,7 @@ def _wrap(
             Attempt(result, n_inliers, trials),
             Promise(*promise, call.max_trials),
             lambda trials, round_: _again(cv2, original, form, call, trials, round_),
-            lambda new, best: _measure(cv2, form, call, new) > _measure(cv2, form, call, best),
+            lambda new, best: _is_better(cv2, form, call, new, best),
         )
         return _delivered(result, best)
 
@@ -348,6 +348,16 @@ def _copy(cv2: Any, params: Any, confidence: float, trials: int, seed: int) -> A
     copy.maxIterations = trials
     copy.randomGeneratorState = seed
     return copy
+
+
+def _is_better(cv2: Any, form: _Form, call: _Call, new: Result, best: Result) -> bool:
+    """Compare two results by OpenCV's own measure. With the same inliers the earlier is kept."""
+    ours, theirs = new[form.inliers], best[form.inliers]
+    both = ours is not None and theirs is not None and ours.shape == theirs.shape
+    # What a second run finds is mostly what the first has found.
+    if both and (ours == theirs).all():
+        return False
+    return _measure(cv2, form, call, new) > _measure(cv2, form, call, best)
 
 
 def _measure(cv2: Any, form: _Form, call: _Call, result: Result) -> float:
