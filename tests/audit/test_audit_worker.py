@@ -105,6 +105,19 @@ def test_a_library_that_fails_to_import_says_why(tmp_path):
     assert "another_missing_module" in verdicts[0].reason
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="preloading is for Linux")
+def test_a_worker_starts_again_with_what_its_probe_wants_loaded_first(tmp_path, monkeypatch):
+    monkeypatch.setenv("LD_PRELOAD", "")
+    mapped = "'libresolv' in open('/proc/self/maps').read()"
+    file = probe(tmp_path, f"raise RuntimeError(str((os.environ['LD_PRELOAD'], {mapped})))")
+    with_preload = "entry_points, preload=lambda: 'libresolv.so.2')"
+    file.write_text(file.read_text().replace('",), entry_points)', f'",), {with_preload}'))
+    verdicts = audit(file)
+    # Loaded, and not handed on to what the library starts.
+    assert verdicts[0].reason == "RuntimeError: ('', True)"
+    assert verdicts[1].runs > 0
+
+
 def test_an_interpreter_that_is_absent_is_reported(tmp_path):
     with pytest.raises(WorkerFailed, match="did not start"):
         WorkerHost(probe(tmp_path, "pass"), "/no/such/python", 5)

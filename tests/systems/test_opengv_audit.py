@@ -1,6 +1,7 @@
 """The verdicts on OpenGV's C++ templates, compiled and measured here."""
 
 import math
+import os
 import sys
 
 import pytest
@@ -14,7 +15,7 @@ from ransac_fix.audit.session import Options, audit
 
 @pytest.fixture(scope="module")
 def opengv():
-    yield from described("opengv", "apt-get install libopengv-dev libeigen3-dev g++")
+    yield from described("opengv", "apt-get install libopengv-dev libeigen3-dev python3-opengv g++")
 
 
 @pytest.mark.parametrize(
@@ -68,6 +69,28 @@ def test_least_median_of_squares_has_no_rule(opengv):
     found = measure(host, entry_points["Lmeds<AbsolutePoseSacProblem>(KNEIP)"])
     assert found.defects == ("no rule",)
     assert judge(found)[0] == "other rule"
+
+
+@pytest.mark.parametrize(
+    ("name", "k"),
+    [
+        ("absolute_pose_ransac(KNEIP)", 4),
+        ("absolute_pose_ransac(GAO)", 4),
+        ("relative_pose_ransac_rotation_only", 2),
+    ],
+)
+def test_pyopengv_is_measured_though_it_takes_its_seed_from_the_clock(opengv, name, k):
+    host, entry_points, _ = opengv
+    if f"pyopengv.{name}" not in entry_points:
+        missing = "pyopengv is not built for this Python: use Debian's, or its version"
+        assert sys.version_info[:2] != (3, 11) or not os.environ.get("CI"), missing
+        pytest.skip(missing)
+    found = measure(host, entry_points[f"pyopengv.{name}"])
+    law = found.fit.law
+    assert (law.assumed, law.sample_size, law.phi) == ("approximate", k, (1.0, 1.0))
+    assert (found.sampler.drawn, found.sampler.sample_size) == ("distinct", k)
+    assert {point.kind for point in found.points} == {"flip"}
+    assert judge(found)[0] == "undersamples"
 
 
 def test_a_default_budget_of_1000_runs_1001_trials(opengv):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     import numpy as np
     from numpy.typing import NDArray
@@ -163,6 +164,9 @@ class Probe:
     find : callable or None
         For what is not a Python module: returns the library in place of ``module``, with its
         release as ``__version__``, or None where it is not installed.
+    preload : callable or None
+        Returns a shared library that must be loaded before everything else, or None: the worker is
+        then started again with it.
     """
 
     system: str
@@ -171,3 +175,4 @@ class Probe:
     entry_points: Callable[[Any], list[EntryPoint | Unmeasured]]
     one_cpu: bool = False
     find: Callable[[], Any] | None = None
+    preload: Callable[[], Path | None] | None = None

@@ -96,6 +96,8 @@ class Library:
         Libraries to link.
     version_macro : tuple of str or None
         Header and macro that hold the release, for an installation that no package made.
+    shared : bool
+        Compile a shared library in place of a program.
     """
 
     title: str
@@ -104,6 +106,7 @@ class Library:
     needs: tuple[Header, ...] = ()
     links: tuple[str, ...] = ()
     version_macro: tuple[str, str] | None = None
+    shared: bool = False
 
     def installed(self) -> bool:
         """Whether the library is there to compile against. Takes no process and no import."""
@@ -135,6 +138,19 @@ class Library:
         Unusable
             If a header or the compiler is missing, or the driver does not compile or start.
         """
+        with contextlib.suppress(Unusable):
+            return Driver(self, self.build())
+        # A kept one may have been linked against what is no longer there.
+        return Driver(self, self.build(again=True))
+
+    def build(self, *, again: bool = False) -> Path:
+        """Return the compiled driver, compiled now if it is not kept or is wanted again.
+
+        Raises
+        ------
+        Unusable
+            If a header or the compiler is missing, or the driver does not compile.
+        """
         includes = []
         missing = []
         for header in (self.header, *self.needs):
@@ -153,6 +169,7 @@ class Library:
         command = [
             *compiler,
             *_FLAGS,
+            *(("-shared", "-fPIC") if self.shared else ()),
             *(
                 part
                 for include in includes
@@ -166,12 +183,9 @@ class Library:
             *(f"-l{name}" for name in self.links),
         ]
         binary = cache_folder() / "drivers" / f"{self.source.stem}-{self._key(command, compiler)}"
-        if binary.exists():
-            # It may have been linked against what is no longer there.
-            with contextlib.suppress(Unusable):
-                return Driver(self, binary)
-        _compile(command, binary, self.title)
-        return Driver(self, binary)
+        if again or not binary.exists():
+            _compile(command, binary, self.title)
+        return binary
 
     def _key(self, command: Sequence[str], compiler: Sequence[str]) -> str:
         """Return what a compiled driver depends on, as a short hash."""

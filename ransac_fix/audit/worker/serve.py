@@ -20,6 +20,18 @@ if TYPE_CHECKING:
     from typing import TextIO
 
 
+def load_probe(probe_file: Path) -> Probe:
+    """Run a probe's file and return its ``PROBE``. No library is imported by that."""
+    spec = importlib.util.spec_from_file_location("ransac_fix_probe", probe_file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{probe_file} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    probe: Probe = module.PROBE
+    return probe
+
+
 class Worker:
     """Answers the requests about one library.
 
@@ -30,13 +42,7 @@ class Worker:
     """
 
     def __init__(self, probe_file: Path) -> None:
-        spec = importlib.util.spec_from_file_location("ransac_fix_probe", probe_file)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{probe_file} is not a Python file")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module
-        spec.loader.exec_module(module)
-        self.probe: Probe = module.PROBE
+        self.probe = load_probe(probe_file)
         self.entry_points: dict[str, EntryPoint] = {}
         # Makes a call of a wrapped function and counts its trials.
         self.counted: Callable[..., dict[str, Any] | None] | None = None
