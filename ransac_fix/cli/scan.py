@@ -183,6 +183,9 @@ def command(
             ctx.exit(_EXIT_FINDINGS if fixed and not exit_zero else 0)
         done, unwritten = _write(fixed, contents)
         changed = bool(done)
+        left = [one for one in result.findings if one.fix is not None and id(one) not in done]
+        if left and not unsafe_fixes:
+            click.echo(f"--unsafe-fixes would fix {len(left)} more.", err=True)
         result = replace(
             result,
             findings=tuple(one for one in result.findings if id(one) not in done),

@@ -606,3 +606,31 @@ def ransac(points, fit):
         "RFX001": "8 is not the size of the sample, 4: see RFX004",
         "RFX004": "either draw 8, or make the exponent 4",
     }
+
+
+def test_a_factor_beside_the_power_stays():
+    source = """
+from math import log
+
+def ransac_trials(n_inliers, n, s):
+    p = (1.0 / 3.0) * ((n_inliers / n) ** 2)
+    return int(log(1 - s) / log(1.0 - p))
+"""
+    after = fixed(source, unsafe=True)
+    assert "p = (1.0 / 3.0) * (_all_inlier_probability(n_inliers, n, 2))" in after
+    p = all_inlier_probability(7, 20, 2) / 3
+    assert load(after).ransac_trials(7, 20, 0.99) == int(math.log(0.01) / math.log1p(-p))
+
+
+def test_a_size_and_counts_that_are_floats_are_taken():
+    helper = load(fixed(FORMS["plain"]))
+    exact = helper.trials(7, 20, 3, 0.99)
+    assert helper.trials(7.0, 20.0, 3.0, 0.99) == exact
+
+
+def test_says_how_many_more_would_be_fixed_when_asked(tmp_path):
+    path = tmp_path / "ransac.py"
+    path.write_text(SOURCE.replace("n_inliers", "good"))
+    result = CliRunner().invoke(cli, ["scan", "--fix", str(path)])
+    assert result.exit_code == 1
+    assert "--unsafe-fixes would fix 1 more." in result.stderr
