@@ -1,11 +1,13 @@
 """The verdict on CGAL's Efficient_RANSAC, compiled and measured here."""
 
+import sys
+
 import pytest
 from optional_libraries import described
 
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.measure import measure
-from ransac_fix.audit.session import Options, _audit_entry_point
+from ransac_fix.audit.session import Options, audit
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +32,8 @@ def test_neither_its_samples_nor_its_rule_are_those_of_uniform_sampling(cgal):
 
 
 def test_nobody_is_told_to_use_a_rule_for_uniform_samples_there(cgal):
-    host, entry_points, version = cgal
-    one = entry_points["Efficient_RANSAC::detect"]
-    verdict = _audit_entry_point(host, "cgal", version, one, Options((), ""))
+    (verdict,) = audit(Options(("cgal",), sys.executable)).verdicts
+    assert verdict.version == cgal[2]
     assert verdict.verdict == "other rule"
     assert verdict.advice == ""
     assert verdict.at_defaults is None

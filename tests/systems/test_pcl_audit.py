@@ -1,6 +1,7 @@
 """The verdicts on PCL's C++ templates, compiled and measured here."""
 
 import math
+import sys
 
 import pytest
 from optional_libraries import described
@@ -8,7 +9,7 @@ from optional_libraries import described
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.laws import law_probability
 from ransac_fix.audit.measure import measure
-from ransac_fix.audit.session import Options, _audit_entry_point
+from ransac_fix.audit.session import Options, audit
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +47,9 @@ def test_every_method_with_a_rule_stops_too_early(pcl, method, model, k):
 
 
 def test_the_default_cap_of_a_segmentation_matters_more_than_its_rule(pcl):
-    host, entry_points, version = pcl
-    one = entry_points["SACSegmentation(SACMODEL_PLANE, SAC_RANSAC)"]
-    verdict = _audit_entry_point(host, "pcl", version, one, Options((), ""))
+    options = Options(("pcl",), sys.executable, entry_points=("SACSegmentation*",))
+    (verdict,) = audit(options).verdicts
+    assert verdict.version == pcl[2]
     assert verdict.verdict == "undersamples"
     # 50 in PCL's words, which runs one more.
     assert verdict.at_defaults.max_trials == 51
