@@ -17,10 +17,14 @@ from ransac_fix.audit.worker.interface import (
     Settings,
     Unmeasured,
 )
-from ransac_fix.audit.worker.planted import CENTRE, FOCAL, Planted
+from ransac_fix.audit.worker.planted import CENTRE, FOCAL, Planted, rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+
+# Cameras of the planted rigs.
+_CAMERAS = 2
 
 
 class _Functions:
@@ -33,6 +37,7 @@ class _Functions:
         self.camera = pycolmap.Camera(
             model="SIMPLE_PINHOLE", width=1024, height=1024, params=[FOCAL, CENTRE, CENTRE]
         )
+
 
     def options(self, planted: Planted, settings: Settings | None, seed: int) -> Any:
         chosen = self.pycolmap.RANSACOptions()
@@ -87,6 +92,22 @@ class _Functions:
 
         return run
 
+    def rig_absolute_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+        cameras = [
+            self.pycolmap.Rigid3d(np.column_stack([rotation, shift]))
+            for rotation, shift in rig(_CAMERAS)
+        ]
+        return self._masked(
+            self.pycolmap.estimate_generalized_absolute_pose(
+                planted.y,
+                planted.x,
+                planted.strata.tolist(),
+                cameras,
+                [self.camera] * _CAMERAS,
+                self.options(planted, settings, seed),
+            )
+        )
+
     def space_to_space(self, name: str) -> Any:
         function = getattr(self.pycolmap, name)
 
@@ -124,19 +145,29 @@ def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
         multiplier=float(untouched.dyn_num_trials_multiplier),
         max_trials_name="max_num_trials",
     )
-    # Name, planted problem, k, how to run, spare.
-    table: tuple[tuple[str, str, int, Callable[[str], Any], int], ...] = (
-        ("estimate_homography_matrix", "homography", 4, functions.image_to_image, 1),
-        ("estimate_fundamental_matrix", "fundamental", 7, functions.image_to_image, 2),
-        ("estimate_essential_matrix", "essential", 5, functions.essential, 2),
-        ("estimate_relative_pose", "essential", 5, lambda _: functions.relative_pose, 2),
-        ("estimate_absolute_pose", "absolute_pose", 3, functions.absolute_pose, 1),
-        ("estimate_affine2d_robust", "affine", 3, functions.image_to_image, 1),
-        ("estimate_rigid3d_robust", "rigid3d", 3, functions.space_to_space, 1),
-        ("estimate_sim3d_robust", "similarity3d", 3, functions.space_to_space, 1),
+    # Name, planted problem, k, how to run, spare, and what else is particular.
+    slow: dict[str, Any] = {"typical_trials": 25}
+    by_camera: dict[str, Any] = {"n_strata": _CAMERAS}
+    table: tuple[tuple[str, str, int, Callable[[str], Any], int, dict[str, Any]], ...] = (
+        ("estimate_homography_matrix", "homography", 4, functions.image_to_image, 1, {}),
+        ("estimate_fundamental_matrix", "fundamental", 7, functions.image_to_image, 2, {}),
+        ("estimate_essential_matrix", "essential", 5, functions.essential, 2, slow),
+        ("estimate_relative_pose", "essential", 5, lambda _: functions.relative_pose, 2, slow),
+        ("estimate_absolute_pose", "absolute_pose", 3, functions.absolute_pose, 1, {}),
+        (
+            "estimate_generalized_absolute_pose",
+            "rig_absolute_pose",
+            3,
+            lambda _: functions.rig_absolute_pose,
+            1,
+            by_camera,
+        ),
+        ("estimate_affine2d_robust", "affine", 3, functions.image_to_image, 1, {}),
+        ("estimate_rigid3d_robust", "rigid3d", 3, functions.space_to_space, 1, {}),
+        ("estimate_sim3d_robust", "similarity3d", 3, functions.space_to_space, 1, {}),
     )
     listed: list[EntryPoint | Unmeasured] = []
-    for name, problem, k, make, spare in table:
+    for name, problem, k, make, spare, particular in table:
         # The names up to 3.10.
         old = f"{name.removeprefix('estimate_')}_estimation"
         found = next((one for one in (name, old) if hasattr(pycolmap, one)), None)
@@ -146,10 +177,26 @@ def _entry_points(pycolmap: Any) -> list[EntryPoint | Unmeasured]:
         ):
             continue
         if functions.seeded:
-            listed.append(EntryPoint(found, problem, k, make(found), defaults, spare=spare))
+            listed.append(
+                EntryPoint(found, problem, k, make(found), defaults, spare=spare, **particular)
+            )
         else:
             listed.append(Unmeasured(found, "its generator cannot be seeded before 3.10"))
+    listed += [
+        Unmeasured(name, why) for name, why in _UNMEASURED.items() if hasattr(pycolmap, name)
+    ]
     return listed
+
+
+_UNMEASURED = {
+    "estimate_generalized_relative_pose": (
+        "one trial of its six-point solver takes 5 ms and more, and two groups that hold samples "
+        "of six are found after some 200 trials at the soonest: points take minutes"
+    ),
+    "estimate_triangulation": (
+        "by its source it goes through the pairs of observations in place of drawing samples"
+    ),
+}
 
 
 PROBE = Probe("colmap", "pycolmap", ("pycolmap",), _entry_points)

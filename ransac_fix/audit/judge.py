@@ -72,6 +72,11 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
         reason = (
             f"assumes P = {assumption(law)}, but draws {drawn}: now too few trials, now too many"
         )
+        if _n_strata(points) > 1:
+            reason += (
+                ", as the inliers fall into the strata: for instance "
+                f"{_consequence(law, sampler, points)}"
+            )
         verdict = "other rule"
     else:
         verdict = "undersamples" if direction > 0 else "oversamples"

@@ -32,7 +32,7 @@ class Setting:
     group_size: int
     n_groups: int
     trials: int
-    points: int = 3
+    points: int = 2
     strata: tuple[tuple[int, int, int], ...] = ()
 
 

@@ -397,6 +397,24 @@ def _rig_absolute_pose(
     return points, _in_cameras(moved, strata)
 
 
+def _point_line_pose(
+    labels: NDArray[np.int64], rng: np.random.Generator, strata: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points, then lines by two of their points; of a point both are the same."""
+    start = _seen(len(labels), rng)
+    start_seen = project(start + rng.uniform(-0.3, 0.3, start.shape))
+    end = start + rng.uniform(-1, 1, start.shape)
+    end_seen = start_seen + rng.uniform(-100, 100, start_seen.shape)
+    for label in range(labels.max() + 1):
+        members = np.flatnonzero(labels == label)
+        rotation, shift = _small_rotation(rng, 0.05), rng.uniform(-0.2, 0.2, 3)
+        start_seen[members] = project(start[members] @ rotation.T + shift)
+        end_seen[members] = project(end[members] @ rotation.T + shift)
+    points = strata == 0
+    end[points], end_seen[points] = start[points], start_seen[points]
+    return np.hstack([start, end]), np.hstack([start_seen, end_seen])
+
+
 def _rig_relative_pose(
     labels: NDArray[np.int64], rng: np.random.Generator, strata: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -458,13 +476,15 @@ RigMaker = Callable[
     "tuple[NDArray[np.float64], NDArray[np.float64]]",
 ]
 
-# The same for rigs of cameras as `rig` makes them; the strata are the cameras, or pairs of
-# cameras of one number.
+# The same with strata that matter: cameras of a rig as `rig` makes them, pairs of cameras of one
+# number, or kinds of measurement.
 RIG_PROBLEMS: dict[str, tuple[RigMaker, float]] = {
     # world to image; x (n, 3), y (n, 2) in the measurement's camera
     "rig_absolute_pose": (_rig_absolute_pose, 0.02),
     # image to image; x (n, 2) in the camera of one rig, y (n, 2) in that of another
     "rig_relative_pose": (_rig_relative_pose, 1e-3),
+    # world to image, points (stratum 0) and lines (1) by two points; x (n, 6), y (n, 4)
+    "point_line_pose": (_point_line_pose, 0.02),
 }
 
 
