@@ -38,7 +38,6 @@ class _Functions:
             model="SIMPLE_PINHOLE", width=1024, height=1024, params=[FOCAL, CENTRE, CENTRE]
         )
 
-
     def options(self, planted: Planted, settings: Settings | None, seed: int) -> Any:
         chosen = self.pycolmap.RANSACOptions()
         chosen.max_error = planted.threshold

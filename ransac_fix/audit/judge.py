@@ -32,7 +32,10 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
         return "other rule", defects
     if not measured.points:
         seen = "; ".join(f"{why} ({times} streams)" for why, times in measured.discarded.items())
-        return "not measured", f"no stream showed the rule: {seen}"
+        also = (
+            "; samples are not drawn uniformly" if measured.sampler.drawn == "not uniform" else ""
+        )
+        return "not measured", f"no stream showed the rule: {seen}{also}"
     verdict, reason = _judge_laws(measured.fit, measured.sampler, measured.points)
     if defects:
         reason = f"{reason}; {defects}"
@@ -96,10 +99,7 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
 
 def _odd(sampler: SamplerLaw) -> str:
     """Say that no law known of a sampler fits."""
-    return (
-        f"samples are not drawn uniformly: {sampler.hits} hits in {sampler.runs} runs where "
-        f"{sampler.expected:g} are expected"
-    )
+    return f"samples are not drawn uniformly: {sampler.strayed}"
 
 
 def advise(

@@ -91,14 +91,16 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     fit = laws.Fit(None)
     k = one["sample_size"]
     for attempt in range(2):
-        # Counted trials are checked by a flip point; flip points are the evidence else.
+        # Counted trials are checked by a flip point, unless the draws themselves were counted;
+        # flip points are the evidence else.
         steps = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
         if not one["repeatable"]:
             steps = []
         if one["counted"] and attempt == 0:
             checked = steps[:1]
             steps = [("count", s, s.points) for s in settings_for(one, sampler, counted=True)]
-            steps += [("flip", setting, 1) for _, setting, _ in checked]
+            if not one["watched"]:
+                steps += [("flip", setting, 1) for _, setting, _ in checked]
         for kind, setting, wanted in steps:
             answer = host.ask(
                 "points",
@@ -118,10 +120,15 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     runs += more
     if "first model" in defects:
         # More than one trial was never had.
-        sampler, more = sampler_law(host, one, seed, once=True)
+        once, more = sampler_law(host, one, seed, once=True)
         runs += more
-        # Points of the few streams that began with a larger model do not make a law.
-        fit = laws.Fit(None)
+        if once.drawn in ("distinct", "replacement", "stratified", "weighted"):
+            sampler = once
+            # Points of the few streams that began with a larger model do not make a law.
+            fit = laws.Fit(None)
+        else:
+            # First samples that depend on the order are the reason, as with PROSAC.
+            defects = ()
     return Measurement(sampler, tuple(points), fit, runs, discarded, defects)
 
 
@@ -192,6 +199,7 @@ def sampler_law(
         Let runs have one trial only.
     """
     hits: list[sampling.Hit] = []
+    runs = 0
     k, seeded, n_strata = (one[key] for key in ("sample_size", "seeded", "n_strata"))
     known: dict[str, Any] = {
         key: one[key] for key in ("verifying", "n_strata", "seeded", "size_seen")
@@ -207,15 +215,17 @@ def sampler_law(
             entry_point=one["name"],
             cases=[[case.n, case.size, case.trials, case.first, case.strata] for case in cases],
             seed=seed + 10_000 + len(hits),
+            watch=not once,
         )
         hits += [sampling.Hit(case, hit) for case, hit in zip(cases, answer["hits"], strict=True)]
+        runs += answer["runs"]
         law = sampling.decide(hits, k, **known)
         if law.drawn != "undecided" or len(hits) >= _MOST_LOOKS:
-            return law, len(hits)
+            return law, runs
         cases = sampling.most_telling(hits, pool, k, max(_HELPING, len(hits) // 4), **known)
         if not cases:
             law = sampling.decide(hits, k, **known, last=True)
-            return law, len(hits)
+            return law, runs
 
 
 def _defects(

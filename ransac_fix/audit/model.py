@@ -152,6 +152,8 @@ class SamplerLaw:
     error : float
         Chance that another law would have been taken for this one: the ratio of their
         likelihoods.
+    strayed : str
+        What was seen where samples are not drawn uniformly.
     """
 
     drawn: Drawn
@@ -163,6 +165,7 @@ class SamplerLaw:
     found: float = 1.0
     quota: tuple[int, ...] = ()
     error: float = 0.0
+    strayed: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,6 +104,7 @@ def counted_settings(
 # and laws that do not then differ by another factor on each.
 _SKEWS = ((1, 2, 1), (2, 1, 2), (1, 1, 1))
 _MOST_OF_A_STRATUM = 40
+_APART = 1.5
 
 
 def strata_settings(
@@ -147,7 +148,10 @@ def strata_settings(
                 )
                 if not 0 < probability < 1:
                     continue
-                off = abs(math.log(trials * probability)) + (split in used)
+                shares = [a / n for n, a, _ in parts]
+                # Laws that pool the strata are others only where the shares of inliers differ.
+                alike = max(shares) < _APART * min(shares)
+                off = abs(math.log(trials * probability)) + (split in used) + alike
                 if best is None or off < best[0]:
                     best = off, parts
         if best is None:

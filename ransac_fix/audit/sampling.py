@@ -88,7 +88,8 @@ def decide(
     best, rival = tally.ranked(sample_size, verifying, n_strata, size_seen)
     decided: Drawn = best.drawing.drawn
     error = 0.0 if rival is None else math.exp(rival.likelihood - best.likelihood)
-    if tally.deviation(best, verifying) > _IMPOSSIBLE:
+    deviation, strayed = tally.deviation(best, verifying)
+    if deviation > _IMPOSSIBLE:
         decided = "not uniform"
     elif error > (LAST_ERROR_RATE if last else ERROR_RATE):
         decided = "undecided"
@@ -106,6 +107,7 @@ def decide(
         found=best.found,
         quota=drawing.quota,
         error=float(f"{error:.2g}"),
+        strayed=strayed if decided == "not uniform" else "",
     )
 
 
@@ -308,8 +310,10 @@ class _Tally:
         runs = self._hits + self._misses
         return float(runs @ -np.expm1(self.trials * np.log1p(-np.minimum(chances, 1 - 1e-12))))
 
-    def deviation(self, law: _Law, verifying: int) -> float:
-        """Return how many standard deviations the hits are off, in the kind of run most so.
+    def deviation(self, law: _Law, verifying: int) -> tuple[float, str]:
+        """Return how many standard deviations the hits are off in the kind of run most so.
+
+        And what was seen there, in words.
 
         The kinds are: everything in the group, the group first, the clutter first, any order; and
         each split over strata.
@@ -320,11 +324,22 @@ class _Tally:
             if case.n in self._one_sample and case.trials == 1 and case.size < case.n:
                 # These runs look at one sample, so they stray together.
                 continue
-            kind = kinds.setdefault((case.n == case.size, case.first, case.strata), [0.0, 0.0])
-            kind[0] += hits - (hits + misses) * chance
-            kind[1] += (hits + misses) * chance * (1 - chance)
+            kind = kinds.setdefault((case.n == case.size, case.first, case.strata), [0.0] * 4)
+            runs = hits + misses
+            seen = hits, runs, runs * chance, runs * chance * (1 - chance)
+            kind[:] = (a + b for a, b in zip(kind, seen, strict=True))
         # At least one run's worth of doubt: a single surprise among certainties proves nothing.
-        return max(abs(off) / math.sqrt(max(1.0, variance)) for off, variance in kinds.values())
+        off = {
+            kind: abs(hits - expected) / math.sqrt(max(1.0, variance))
+            for kind, (hits, _, expected, variance) in kinds.items()
+        }
+        most = max(off, key=lambda kind: off[kind])
+        hits, runs, expected, _ = kinds[most]
+        where = {"groups": " that came first", "clutter": " that came last"}.get(most[1], "")
+        return off[most], (
+            f"a group{where} was hit in {hits:.0f} of {runs:.0f} runs where {expected:.1f} "
+            "are expected"
+        )
 
     def interval(self, drawing: Drawing) -> tuple[float, float]:
         """Return the 99 % interval of the one factor on all chances of a law."""

@@ -111,6 +111,9 @@ class EntryPoint:
     n_strata : int
         Strata of the planted problems, such as the cameras of a rig (``Planted.strata``), for a
         function that knows them.
+    draws : callable or None
+        ``draws(n, count, seed)`` returns the samples that a run on n measurements draws, shape
+        ``(count, k)``, for a library whose sampler can be watched; then few runs show its law.
     """
 
     name: str
@@ -127,6 +130,7 @@ class EntryPoint:
     verifying: int = 0
     size_seen: bool = False
     n_strata: int = 1
+    draws: Callable[[int, int, int], NDArray[np.int64]] | None = None
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,13 @@ def _affine_wide(
     return _plane_map(labels, rng, 100)
 
 
+def _segments(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    src, dst = _plane_map(np.repeat(labels, 2), rng, 4)
+    return src.reshape(-1, 4), dst.reshape(-1, 4)
+
+
 def _similarity(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -451,9 +458,12 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "affine": (_affine, 0.01),
     # An affine map is a homography too, and one that single precision holds exactly.
     "homography": (_affine, 0.01),
+    # the same for segments by their two ends; x (n, 4), y (n, 4)
+    "segments": (_segments, 0.01),
     # with clutter far off, for scores that reach beyond the threshold
     "affine_wide": (_affine_wide, 0.5),
     "homography_wide": (_affine_wide, 0.5),
+    "fundamental_wide": (_fundamental, 0.5),
     "fundamental": (_fundamental, 1e-3),
     # the same with cameras of FOCAL and CENTRE
     "essential": (_essential, 1e-3),

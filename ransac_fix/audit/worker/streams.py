@@ -20,6 +20,8 @@ from ransac_fix.audit.worker.planted import Planted, evenly, plant
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
 LARGEST_CONFIDENCE = 1 - 2.0**-53
 # Above 25 the double that holds s steps by more than 1e-5 in u; below 0.01 the rule says one trial.
 U_RANGE = (0.01, 25.0)
@@ -28,6 +30,8 @@ RESOLUTION = 0.03
 NOT_FOUND = "the larger model was not found within the budget"
 NEVER_STOPS = "the rule never stops before the larger model"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
+# Streams in vain, after which no others are tried.
+_HOPELESS = 20
 # Runs of one stream that is another each time.
 _REPEATS = 16
 
@@ -181,7 +185,7 @@ def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
     t_a = first_true(
         lambda t: planted.group_of(stream.run(t, LARGEST_CONFIDENCE).inliers) is not None, t_b - 1
     )
-    if t_a is None:
+    if t_a is None or stream.finds_b(t_a, LARGEST_CONFIDENCE):
         raise Discarded("the stream depends on the budget")
 
     budget = 2 * t_b + 8
@@ -313,7 +317,7 @@ def points(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     counting = request["kind"] == "count"
     size = request["group_size"]
     for index in range(request["streams"]):
-        if len(found) >= request["wanted"]:
+        if len(found) >= request["wanted"] or (not found and index == _HOPELESS):
             break
         seed = request["seed"] + index
         planted = plant(
@@ -349,7 +353,8 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     request : dict
         ``cases``: list of ``[n_samples, size of B, trials, what comes first, strata]``, where
         the strata are pairs of the size of B and the measurements in each (evenly spread if
-        there are none), and ``seed``.
+        there are none), ``seed``, and ``watch``: whether the samples drawn may be looked at
+        in place of what a run finds.
 
     Returns
     -------
@@ -357,15 +362,45 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
         ``hits``: whether each run found the group; and ``runs``.
     """
     out = []
+    watch = request.get("watch", False) and entry_point.draws is not None
+    watched = _Watched(entry_point, request)
     for index, (n_samples, size, trials, first, strata) in enumerate(request["cases"]):
         seed = request["seed"] + index
         parts = [(n, inliers, 0) for inliers, n in strata] or evenly(
             n_samples, size, 0, entry_point.n_strata
         )
         planted = plant(entry_point.problem, n_samples, size, 1, 0, seed, first=first, strata=parts)
-        stream = Stream(entry_point, planted, seed)
-        out.append(stream.finds_b(trials, LARGEST_CONFIDENCE))
-    return {"hits": out, "runs": len(out)}
+        if watch:
+            out.append(watched.hits(planted, trials))
+        else:
+            out.append(Stream(entry_point, planted, seed).finds_b(trials, LARGEST_CONFIDENCE))
+    return {"hits": out, "runs": watched.runs if watch else len(out)}
+
+
+class _Watched:
+    """Samples that a library was seen to draw, each used once; one run provides those of an n."""
+
+    def __init__(self, entry_point: EntryPoint, request: dict[str, Any]) -> None:
+        self._entry_point = entry_point
+        self._seed = request["seed"]
+        self._wanted: dict[int, int] = {}
+        for n, _, trials, *_ in request["cases"]:
+            self._wanted[n] = self._wanted.get(n, 0) + trials
+        self._samples: dict[int, NDArray[np.int64]] = {}
+        self.runs = 0
+
+    def hits(self, planted: Planted, trials: int) -> bool:
+        """Whether one of the next samples holds distinct members of the group only."""
+        n = planted.n_samples
+        if n not in self._samples:
+            assert self._entry_point.draws is not None
+            self._samples[n] = self._entry_point.draws(n, self._wanted[n], self._seed)
+            self.runs += 1
+        samples, self._samples[n] = self._samples[n][:trials], self._samples[n][trials:]
+        inside = (planted.labels[samples] == planted.labels.max()).all(axis=1)
+        ordered = np.sort(samples, axis=1)
+        distinct = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
+        return bool((inside & distinct).any())
 
 
 def larger(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
@@ -389,7 +424,9 @@ def larger(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
         n = request["n_samples"]
         parts = evenly(n, size, size + 1, entry_point.n_strata)
         planted = plant(entry_point.problem, n, size, 1, size + 1, seed, strata=parts)
-        found += Stream(entry_point, planted, seed).finds_b(request["trials"], LARGEST_CONFIDENCE)
+        outcome = Stream(entry_point, planted, seed).run(request["trials"], LARGEST_CONFIDENCE)
+        # One of the smaller group may lie on the larger's model, too.
+        found += outcome.inliers is not None and int(outcome.inliers.sum()) > size
     return {"found": found, "runs": request["streams"]}
 
 
