@@ -125,8 +125,12 @@ def _affine_wide(
 def _segments(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    src, dst = _plane_map(np.repeat(labels, 2), rng, 4)
-    return src.reshape(-1, 4), dst.reshape(-1, 4)
+    # Any two of the points make a segment: neighbours would make short ones.
+    ends = rng.permutation(2 * len(labels))
+    of_ends = np.empty(2 * len(labels), dtype=np.int64)
+    of_ends[ends] = np.repeat(labels, 2)
+    src, dst = _plane_map(of_ends, rng, 4)
+    return src[ends].reshape(-1, 4), dst[ends].reshape(-1, 4)
 
 
 def _similarity(
