@@ -2,6 +2,8 @@
 
     python benchmarks/control_zoo.py --audits 1000 --jobs 2
 
+``--first 500`` goes on at audit 500 of the same series.
+
 Each audit measures one law on planted problems and random streams of its own; the laws take
 turns. Prints every mistake and, at the end, the number of them for each law.
 """
@@ -33,12 +35,14 @@ def main() -> None:
     """Run the audits and print what went wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--audits", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     started = time.monotonic()
     results = Parallel(n_jobs=options.jobs)(
-        delayed(audit)(number, options.seed + 100_000 * number) for number in range(options.audits)
+        delayed(audit)(number, options.seed + 100_000 * number)
+        for number in range(options.first, options.audits)
     )
     wrong = Counter()
     for name, recognised, text, _ in results:
