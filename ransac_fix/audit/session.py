@@ -1,5 +1,6 @@
 """One audit: every probe in its own worker, the controls beside them."""
 
+import math
 import os
 import sys
 import threading
@@ -16,6 +17,7 @@ from typing import Any
 
 from ransac_fix.audit.controls import CONTROLS
 from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
+from ransac_fix.audit.drawing import spread
 from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
 from ransac_fix.audit.judge import advise, judge
@@ -36,6 +38,8 @@ _USER_PROBE = Path(__file__).parent / "user_probe.py"
 # A default cap up to this many trials is checked by running into it.
 _CHECKED_TRIALS = 5_000
 _CHECK_STREAMS = 12
+_COUNTED_STREAMS = 3
+_LARGEST_CHECK = 60
 # Entry points waiting, from which on a second worker for a system is worth its start.
 _WORTH_HELPING = 3
 _CHECK_SECONDS = 1.0
@@ -424,12 +428,57 @@ def fixed_in_release(system: str, version: str | None, entry_point: str) -> str 
     return fixed_release(known.distributions[0], version, entry_point)
 
 
+def _check_counts(
+    host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], measured: Measurement
+) -> tuple[bool | None, int]:
+    """Count the trials of runs with nothing set where the minimum binds, and the rule."""
+    law, k, n_strata = measured.fit.law, one["sample_size"], one["n_strata"]
+    assert law is not None
+    fewest, multiplier = declared["min_trials"], declared["multiplier"]
+    expected: dict[tuple[int, int], int] = {}
+    for n in range(max(2 * k + 6, one["fewest_samples"]), _LARGEST_CHECK):
+        for size in range(k + 2, n - 1):
+            strata = spread(size, n, n_strata)
+            trials = math.ceil(multiplier * rule_trials(law, strata, declared["confidence"]))
+            if 2 * trials < fewest:
+                expected[n, size] = fewest
+            elif 1.3 * fewest < trials < 2 * fewest:
+                expected[n, size] = trials
+    runs = same = different = 0
+    for binds in (True, False):
+        chosen = [key for key, trials in expected.items() if (trials == fewest) == binds]
+        if not chosen:
+            return None, runs
+        n, size = chosen[0]
+        answer = host.ask(
+            "defaults",
+            entry_point=one["name"],
+            n_samples=n,
+            group_size=size,
+            n_groups=1,
+            strata=[(total, inliers, 0) for inliers, total in spread(size, n, n_strata)],
+            trials=expected[n, size],
+            # Whether the offset is multiplied, too, is not known.
+            tolerance=2 * (1 + multiplier),
+            streams=_COUNTED_STREAMS,
+            seconds=_CHECK_SECONDS,
+            seed=SEED + 5000,
+        )
+        runs += answer["runs"]
+        same, different = same + answer["same"], different + answer["different"]
+    return (different == 0 if same + different else None), runs
+
+
 def _check_defaults(
     host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], measured: Measurement
 ) -> tuple[bool | None, int]:
     """Run with nothing set where the default cap binds, and see whether it does."""
     law, cap = measured.fit.law, declared["max_trials"]
-    if law is None or cap is None or cap > _CHECKED_TRIALS:
+    if law is None:
+        return None, 0
+    if one["counted"] and not one["watched"] and declared["min_trials"]:
+        return _check_counts(host, one, declared, measured)
+    if cap is None or cap > _CHECKED_TRIALS:
         return None, 0
     # B comes after about as many trials as the cap allows; the rule would allow far more.
     setting = settings_for({**one, "typical_trials": cap / 2}, measured.sampler, counted=False)[0]
@@ -445,6 +494,7 @@ def _check_defaults(
         n_groups=1,
         strata=setting.strata,
         trials=cap,
+        tolerance=0,
         streams=_CHECK_STREAMS,
         seconds=_CHECK_SECONDS,
         seed=SEED + 5000,

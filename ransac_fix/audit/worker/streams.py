@@ -476,7 +476,7 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
     request : dict
         ``n_samples``, ``group_size``, ``n_groups``, ``strata`` (of `plant`), ``trials``
         (expected at the defaults), ``streams``, ``seconds`` (no further stream is begun after),
-        ``seed``.
+        ``seed``, and ``tolerance``: by how much a count of trials may differ.
 
     Returns
     -------
@@ -511,7 +511,7 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
             # A chance model governs the rule.
             continue
         if outcome.trials is not None:
-            agree = outcome.trials == request["trials"]
+            agree = abs(outcome.trials - request["trials"]) <= request["tolerance"]
         else:
             agree = hit == stream.finds_b(request["trials"], LARGEST_CONFIDENCE)
             runs += 1
