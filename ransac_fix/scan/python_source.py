@@ -33,7 +33,7 @@ def {HELPER}(n_inliers, n_samples, sample_size):
         p *= max(n_inliers - i, 1) / max(n_samples - i, 1)
     return max(p, 2.0**-53) if n_inliers > 0 else p
 '''
-_IMPORT = "from ransac_fix import all_inlier_probability"
+_IMPORT = "from ransac_fix import all_inlier_probability\n"
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _COMPILED = re.compile(r"jit|njit|vectorize|cuda|kernel|torch\.compile|tf\.function|numba")
 # Calls that only look: made twice they cost little and change nothing.
@@ -130,32 +130,24 @@ class PythonSource(Source):
         if cell is not None:
             # Cells run in any order: each has what it needs.
             body = [node for node in body if self._cell(node) == cell]
-        node = next(
-            (one for one in body if not _opens(one) and not (cell and isinstance(one, ast.Pass))),
-            None,  # a magic was read as `pass`, and stays first
-        )
+        # A magic was read as `pass`, and stays first in its cell.
+        opening = (one for one in body if _opens(one) or (cell and isinstance(one, ast.Pass)))
+        opens = set(map(id, opening))
+        node = next((one for one in body if id(one) not in opens), body[-1])
         lines = self.text.lines
-        if node is None:
-            node = body[-1]
         decorators = [one.lineno for one in getattr(node, "decorator_list", [])]
         line = first = min([node.lineno, *decorators])
-        top = (
-            1
-            if not self._cells
-            else next(number for number, own in enumerate(self._cells, 1) if own == cell)
-        )
+        top = 1 + (self._cells.index(cell) if self._cells and cell is not None else 0)
         while line > top and lines[line - 2].startswith("#"):
             line -= 1  # comments above belong to what they stand above
         if line == top:
             line = first  # ... but a coding line or a licence opens the file
-        added = f"{_IMPORT}\n" if self._style == "import" else _HELPER_SOURCE
-        blank = "" if line == top or not lines[line - 2].strip() else "\n\n"
         if self._style == "import":
-            blank = ""
-            if line > top and not lines[line - 2].strip() and _import_above(lines, line, top):
-                line = _import_above(lines, line, top) + 1
-                return self.edit(Span(line, 0, line, 0), added, path)
-        return self.edit(Span(line, 0, line, 0), f"{blank}{added}\n\n", path)
+            above = _import_above(lines, line, top)
+            line = above + 1 if above else line
+            return self.edit(Span(line, 0, line, 0), _IMPORT + ("" if above else "\n\n"), path)
+        blank = "" if line == top or not lines[line - 2].strip() else "\n\n"
+        return self.edit(Span(line, 0, line, 0), f"{blank}{_HELPER_SOURCE}\n\n", path)
 
     def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
         """Take away the assignments in a function of what is used in ``place`` only."""
