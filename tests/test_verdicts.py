@@ -53,7 +53,9 @@ KNOWN = [
     ("kornia", "0.8.3", "RANSAC(homography)", "oversamples", "C(I,4)/C(n,4)"),
     ("kornia", "0.9.0", "RANSAC(homography)", "exact", "C(I,4)/C(n,4)"),
     ("poselib", "2.0.5", "estimate_homography", "undersamples", "(I/n)^4"),
+    ("scikit-image", "0.27.0rc1", "measure.ransac", "undersamples", "(I/n)^2"),
     ("scikit-image", "0.20.0", "measure.ransac", "undersamples", "(I/n)^2"),
+    ("opencv-python", "4.8.0.76", "findHomography(RANSAC)", "undersamples", "(I/n)^4"),
     ("scikit-learn", "1.9.1", "RANSACRegressor", "undersamples", "(I/n)^2"),
 ]
 

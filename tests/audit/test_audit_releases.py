@@ -127,7 +127,7 @@ def test_another_choice_is_another_result(measured, monkeypatch):
 
     def audited(*given):
         asked.append(given)
-        return [Verdict("small", "fit_line", "2.0", "exact", "why")]
+        return [Verdict("small", "fit_line", "2.0", "exact", "why", runs=1)]
 
     monkeypatch.setattr(matrix, "audit_system", audited)
     chosen = replace(options(cache), options=Options((), sys.executable, quick=True))

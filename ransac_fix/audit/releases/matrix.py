@@ -293,14 +293,14 @@ class _Bench:
     def _tried(self, release: Release) -> Release:
         """Measure a release, with an old NumPy if nothing works with the one that it gets."""
         found = self._measured(release, _WORKER_NEEDS)
-        if _anything(found) or not _has_new_numpy(found):
+        if _ran(found) or not _has_new_numpy(found):
             return found
         try:
             # Old wheels are compiled for NumPy 1; some crash with 2 without saying why.
             older = self._measured(release, _OLD_NUMPY)
         except Unavailable:
             return found
-        if not _anything(older):
+        if not _ran(older):
             return found
         return replace(older, remark=f"with {_OLD_NUMPY}; with NumPy 2: {_first_reason(found)}")
 
@@ -319,8 +319,8 @@ class _Bench:
         )
 
 
-def _anything(release: Release) -> bool:
-    return any(verdict.verdict != "not measured" for verdict in release.verdicts)
+def _ran(release: Release) -> bool:
+    return any(verdict.runs > 0 for verdict in release.verdicts)
 
 
 def _has_entry_points(release: Release) -> bool:
