@@ -29,9 +29,8 @@ _LIBRARY = native.Library(
     links=("pcl_segmentation", "pcl_sample_consensus", "pcl_search", "pcl_kdtree", "pcl_common"),
     version_macro=("pcl/pcl_config.h", "PCL_VERSION_PRETTY"),
 )
-# As the constructors of SampleConsensus and SACSegmentation have them; one trial more is run.
-_DEFAULTS = Defaults(0.99, max_trials=1001, max_trials_name="setMaxIterations")
-_SEGMENTATION = Defaults(0.99, max_trials=51, max_trials_name="setMaxIterations")
+# As the constructors of SampleConsensus and SACSegmentation have it.
+_CONFIDENCE = 0.99
 # PCL computes in single precision, which loses more in some samples than the data do.
 _SLACK = 10.0
 
@@ -57,6 +56,13 @@ _FUNCTIONS = (
 )
 
 
+def _defaults(driver: native.Driver, name: str) -> Defaults:
+    """Ask for the default cap, which differs from method to method; one trial more is run."""
+    cap = driver.run(name, np.empty((0, 6)), 0.0, None, 0).trials
+    assert cap is not None
+    return Defaults(_CONFIDENCE, max_trials=cap + 1, max_trials_name="setMaxIterations")
+
+
 def _driven(driver: native.Driver, name: str) -> Any:
     def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         flat = np.zeros((planted.n_samples, 3 - planted.x.shape[1]))
@@ -77,7 +83,7 @@ def _entry_points(_: Any) -> list[EntryPoint | Unmeasured]:
             problem,
             k,
             _driven(driver, driven),
-            _SEGMENTATION if driven == "segmentation.plane" else _DEFAULTS,
+            _defaults(driver, driven),
             counted=True,
         )
         for name, driven, problem, k in _FUNCTIONS

@@ -1,6 +1,7 @@
 // Runs PCL's sample consensus methods. Rows hold a point, two where clouds are registered.
 //
-// Seeds and counts of trials are protected members, reached as a subclass would.
+// Without rows the answer is the default cap on iterations in place of a count of trials. Seeds and
+// counts of trials are protected members, reached as a subclass would.
 #include "driver.hpp"
 
 #include <algorithm>
@@ -113,10 +114,14 @@ template <template <class> class Chosen>
 Answer solve(const Model::Ptr& model, const Request& request) {
     ModelMembers::seed(*model, request.seed);
     Configured<Chosen<Point>> method(model);
+    Answer answer;
+    if (request.rows == 0) {
+        answer.trials = method.getMaxIterations();
+        return answer;
+    }
     method.setDistanceThreshold(request.threshold);
     limit(method, request);
     method.prepare(request);
-    Answer answer;
     answer.found = method.computeModel(0);
     answer.trials = MethodMembers::trials(method);
     method.getInliers(answer.inliers);
@@ -146,6 +151,11 @@ struct Segmentation : pcl::SACSegmentation<Point> {
 
 Answer segment(const Request& request) {
     Segmentation segmentation;
+    Answer answer;
+    if (request.rows == 0) {
+        answer.trials = segmentation.getMaxIterations();
+        return answer;
+    }
     segmentation.seed = request.seed;
     segmentation.setModelType(pcl::SACMODEL_PLANE);
     segmentation.setMethodType(pcl::SAC_RANSAC);
@@ -155,7 +165,6 @@ Answer segment(const Request& request) {
     pcl::PointIndices inliers;
     pcl::ModelCoefficients coefficients;
     segmentation.segment(inliers, coefficients);
-    Answer answer;
     answer.found = !coefficients.values.empty();
     answer.trials = MethodMembers::trials(*segmentation.getMethod());
     answer.inliers = inliers.indices;

@@ -58,6 +58,13 @@ def test_the_default_cap_of_a_segmentation_matters_more_than_its_rule(pcl):
     assert "setMaxIterations" in verdict.advice
 
 
+def test_default_caps_are_read_from_each_method(pcl):
+    _, entry_points, _ = pcl
+    caps = {name: one["defaults"]["max_trials"] for name, one in entry_points.items()}
+    assert caps["RandomSampleConsensus(SampleConsensusModelPlane)"] == 10_001
+    assert caps["SACSegmentation(SACMODEL_PLANE, SAC_RANSAC)"] == 51
+
+
 @pytest.mark.parametrize(
     ("method", "defect"),
     [("ProgressiveSampleConsensus", "confidence ignored"), ("LeastMedianSquares", "no rule")],
