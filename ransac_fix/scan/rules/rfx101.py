@@ -52,7 +52,7 @@ _PATCHED = re.compile(r"\bransac_fix(?:\.auto\b|\.patch|\s+import\s+[^#\n]*\b(?:
 # A confidence that a library must be given before its rule can end a run.
 _ASKED_FOR = {"scikit-image": ("stop_probability", 8)}
 _NOTES = {
-    "opencv": "maxIters, 2000 by default, may end a run first",
+    "opencv": "its cap on trials may end a run first",
     "scikit-image": "max_trials, 100 by default, may end a run first",
     "scikit-learn": "max_trials, 100 by default, may end a run first",
     "poselib": "min_iterations (1000) and dyn_num_trials_mult (3), its defaults, mostly hide it",
