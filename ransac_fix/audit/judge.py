@@ -37,6 +37,12 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
         )
         return "not measured", f"no stream showed the rule: {seen}{also}"
     verdict, reason = _judge_laws(measured.fit, measured.sampler, measured.points)
+    accepted = measured.sampler.accepted
+    if accepted is not None and accepted[1] < 1:
+        reason = (
+            f"{reason}; a filter lets {accepted[0]:.0%} to {accepted[1]:.0%} of the samples of "
+            "scattered matches pass, and draws again for the others without counting a trial"
+        )
     if defects:
         reason = f"{reason}; {defects}"
         verdict = "other rule" if verdict == "exact" else verdict

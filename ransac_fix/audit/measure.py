@@ -6,6 +6,7 @@ from typing import Any, Protocol
 from ransac_fix.audit import laws, plan, sampling
 from ransac_fix.audit.model import Defect, Point, SamplerLaw
 from ransac_fix.audit.worker import streams
+from ransac_fix.audit.worker.planted import PROBLEMS
 from ransac_fix.criterion import all_inlier_probability
 
 # Runs that look at the sampler: at a time, and at most.
@@ -15,6 +16,8 @@ _FEWEST_POINTS = 4
 _ENOUGH_POINTS = 6
 _STREAMS = 40
 SEED = 20_250_000
+
+_FILTER_RUNS = 60
 
 # Runs that look for a defect.
 _LOOKS = 40
@@ -86,6 +89,8 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     Measurement
     """
     sampler, runs = sampler_law(host, one, seed)
+    sampler, more = _with_filter(host, one, sampler, seed)
+    runs += more
     points: list[Point] = []
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
@@ -226,6 +231,29 @@ def sampler_law(
         if not cases:
             law = sampling.decide(hits, k, **known, last=True)
             return law, runs
+
+
+def _with_filter(
+    host: Asked, one: dict[str, Any], sampler: SamplerLaw, seed: int
+) -> tuple[SamplerLaw, int]:
+    """Look for a filter of samples on measurements that it may reject."""
+    problem = f"{one['problem']}_scattered"
+    uniform = sampler.drawn in ("distinct", "replacement")
+    # Draws that were watched are made before there is anything to reject.
+    if problem not in PROBLEMS or not uniform or one["watched"] or one["n_strata"] > 1:
+        return sampler, 0
+    cases = plan.filter_cases(
+        sampler.sample_size, _FILTER_RUNS, spare=one["spare"], fewest=one["fewest_samples"]
+    )
+    answer = host.ask(
+        "hits",
+        entry_point=one["name"],
+        cases=[[case.n, case.size, case.trials, case.first, case.strata] for case in cases],
+        problem=problem,
+        seed=seed + 30_000,
+    )
+    hits = [sampling.Hit(case, hit) for case, hit in zip(cases, answer["hits"], strict=True)]
+    return replace(sampler, accepted=sampling.accepted(hits, sampler)), answer["runs"]
 
 
 def _defects(

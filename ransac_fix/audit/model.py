@@ -154,6 +154,10 @@ class SamplerLaw:
         likelihoods.
     strayed : str
         What was seen where samples are not drawn uniformly.
+    accepted : tuple of float or None
+        Share of the samples that a filter accepts on scattered matches, as a 99 % interval; those
+        rejected are drawn again and count as no trial. It depends on the data, and is no part of
+        the law. None where it was not tried.
     """
 
     drawn: Drawn
@@ -166,6 +170,7 @@ class SamplerLaw:
     quota: tuple[int, ...] = ()
     error: float = 0.0
     strayed: str = ""
+    accepted: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -301,6 +301,27 @@ def case_pool(
     return cases
 
 
+def filter_cases(sample_size: int, runs: int, *, spare: int = 1, fewest: int = 0) -> list[Case]:
+    """Return runs that show by how much a filter makes hits more frequent.
+
+    Parameters
+    ----------
+    sample_size, spare, fewest
+        As in `first_cases`.
+    runs : int
+        How many.
+    """
+    size = sample_size + spare
+    least = max(fewest, 2 * size)
+    cases = []
+    for step in range(runs):
+        n = least + step % _SIZES
+        even = _even_trials(size, n, sample_size)
+        # A filter may make them hit several times as often.
+        cases.append(Case(n, size, min(_LONGEST_LOOK, max(1, even // 2))))
+    return cases
+
+
 def _strata_cases(
     sample_size: int, n_strata: int, spare: int, lengths: tuple[float, ...]
 ) -> list[Case]:

@@ -179,6 +179,23 @@ def most_telling(
     return chosen[:count]
 
 
+def accepted(hits: Sequence[Hit], law: SamplerLaw) -> tuple[float, float]:
+    """Return the share of samples that a filter accepts, as a 99 % interval.
+
+    Samples drawn again without counting a trial make the others more frequent by its inverse.
+
+    Parameters
+    ----------
+    hits : sequence of Hit
+        Runs on measurements that a filter may reject.
+    law : SamplerLaw
+        The law of the draws, from measurements that it passes.
+    """
+    tally = _Tally([hit.case for hit in hits], hits, seeded=True)
+    low, high = tally.interval(drawing_of(law))
+    return round(min(1.0, law.found / high), 3), round(min(1.0, law.found / low), 3)
+
+
 def drawing_of(law: SamplerLaw) -> Drawing:
     """Return the law of a sampler that was measured; distinct draws where none was decided."""
     if law.drawn == "not uniform" or law.drawn == "undecided":

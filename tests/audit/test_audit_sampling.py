@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from ransac_fix.audit.plan import case_pool, first_cases
+from ransac_fix.audit.plan import case_pool, filter_cases, first_cases
 from ransac_fix.audit.sampling import (
     ERROR_RATE,
     LAST_ERROR_RATE,
     Hit,
+    accepted,
     decide,
     most_telling,
 )
@@ -188,6 +189,21 @@ def test_a_sampler_that_prefers_the_first_measurements_is_not_called_uniform():
         return rng.permutation(len(strata))[:4]
 
     assert simulate(draw, 4, seed=0).drawn == "not uniform"
+
+
+@pytest.mark.parametrize("passed", [1.0, 0.4])
+def test_a_filter_is_told_by_the_share_of_samples_it_lets_pass(passed):
+    """Samples that do not pass are drawn again for free; those in the group always pass."""
+    law = simulate(distinct(4), 4, seed=1)
+    rng = np.random.default_rng(2)
+    hits = []
+    for case in filter_cases(4, 200):
+        of_group = math.comb(case.size, 4) / math.comb(case.n, 4)
+        chance = of_group / (of_group + (1 - of_group) * passed)
+        hits.append(Hit(case, bool(rng.random(case.trials).min() < chance)))
+    low, high = accepted(hits, law)
+    assert low <= passed <= high
+    assert (high < 1) == (passed < 1)
 
 
 def test_the_interval_covers_uniform_draws():

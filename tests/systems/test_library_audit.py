@@ -116,6 +116,15 @@ def test_the_default_cap_is_checked_and_named_where_it_binds(report, system, nam
     assert name in verdict.advice
 
 
+def test_the_samples_that_opencv_draws_again_are_reported_beside_the_law(report):
+    """The classic homography rejects samples whose points change their order; COLMAP does not."""
+    classic, colmap = verdict_on(report, "opencv"), verdict_on(report, "colmap")
+    assert classic.sampler_law.accepted[1] < 1
+    assert "draws again" in classic.reason
+    assert colmap.sampler_law.accepted[1] == 1
+    assert verdict_on(report, "poselib").at_defaults.checked is True
+
+
 def test_the_default_minimum_of_pycolmap_is_named(report):
     verdict = verdict_on(report, "colmap")
     assert any(row.binds == "minimum" for row in verdict.at_defaults.guarantees)

@@ -122,6 +122,16 @@ def _affine_wide(
     return _plane_map(labels, rng, 100)
 
 
+def _scattered(
+    labels: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Clutter that goes anywhere, as wrong matches do: orders of three points then disagree."""
+    src, dst = _plane_map(labels, rng, 4)
+    clutter = np.flatnonzero(labels == CLUTTER)
+    dst[clutter] = _ring(len(labels), rng)[rng.permutation(len(labels))[: len(clutter)]]
+    return src, dst
+
+
 def _segments(
     labels: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -462,6 +472,9 @@ PROBLEMS: dict[str, tuple[Maker, float]] = {
     "affine": (_affine, 0.01),
     # An affine map is a homography too, and one that single precision holds exactly.
     "homography": (_affine, 0.01),
+    # the same with clutter that a check of a sample's shape rejects now and then
+    "affine_scattered": (_scattered, 0.01),
+    "homography_scattered": (_scattered, 0.01),
     # the same for segments by their two ends; x (n, 4), y (n, 4)
     "segments": (_segments, 0.01),
     # with clutter far off, for scores that reach beyond the threshold

@@ -353,8 +353,8 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     request : dict
         ``cases``: list of ``[n_samples, size of B, trials, what comes first, strata]``, where
         the strata are pairs of the size of B and the measurements in each (evenly spread if
-        there are none), ``seed``, and ``watch``: whether the samples drawn may be looked at
-        in place of what a run finds.
+        there are none), ``seed``, ``watch``: whether the samples drawn may be looked at in place
+        of what a run finds, and ``problem``: another planted problem than its own.
 
     Returns
     -------
@@ -369,7 +369,8 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
         parts = [(n, inliers, 0) for inliers, n in strata] or evenly(
             n_samples, size, 0, entry_point.n_strata
         )
-        planted = plant(entry_point.problem, n_samples, size, 1, 0, seed, first=first, strata=parts)
+        problem = request.get("problem", entry_point.problem)
+        planted = plant(problem, n_samples, size, 1, 0, seed, first=first, strata=parts)
         if watch:
             out.append(watched.hits(planted, trials))
         else:
