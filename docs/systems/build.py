@@ -9,6 +9,7 @@ and writes the pages. Without a report it only writes them.
 
 import json
 import math
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from itertools import groupby
@@ -47,7 +48,10 @@ def stored_results() -> Results:
 
 
 def merged(results: Results, reports: Iterable[Json]) -> Results:
-    """Return the results with those of new reports in place of older ones."""
+    """Return the results with those of new reports in place of older ones.
+
+    A system of which nothing was measured has no page.
+    """
     known = {_key(one): one for releases in results.values() for one in releases}
     for report in reports:
         failed = [control["name"] for control in report["controls"] if not control["passed"]]
@@ -57,7 +61,7 @@ def merged(results: Results, reports: Iterable[Json]) -> Results:
     return {
         system.name: [known[key] for key in sorted(known) if key[0] == system.name]
         for system in load_systems()
-        if any(key[0] == system.name for key in known)
+        if any(key[0] == system.name and _any_verdict(one) for key, one in known.items())
     }
 
 
@@ -223,17 +227,26 @@ def _rules(measured: list[Json]) -> Iterator[str]:
             for verdict in release["verdicts"]
             if verdict["entry_point"] == name
         ]
-        for (verdict, rule), group in groupby(history, key=lambda one: _behaviour(one[1])):
-            span = _span([release for release, _ in group])
+        for _, group in groupby(history, key=lambda one: _behaviour(one[1])):
+            same = list(group)
+            span, newest = _span([release for release, _ in same]), same[-1][1]
+            verdict = newest["verdict"]
+            rule = _rule(newest)
             yield f"| {escaped(name)} | {span} | {MARKS[verdict]} {verdict} | {rule} |"
 
 
 def _behaviour(verdict: Json) -> tuple[str, str]:
+    """Return what makes two releases behave the same."""
+    # How far the shift of several models from one draw reaches is a matter of chance.
+    return verdict["verdict"], re.sub(r" to \d+(?=`)", "", _rule(verdict))
+
+
+def _rule(verdict: Json) -> str:
     law = verdict["stopping_law"]
     if law is None:
-        return verdict["verdict"], escaped(verdict["reason"])
+        return escaped(verdict["reason"])
     tested = "" if law["tested"] == "every trial" else f", tested {law['tested']} only"
-    return verdict["verdict"], f"`{law['formula']}`{tested}"
+    return f"`{law['formula']}`{tested}"
 
 
 def _points(release: Json) -> Iterator[str]:
