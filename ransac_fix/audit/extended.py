@@ -173,17 +173,16 @@ def judge_extension(
     """
     kept = sum(map(keeps, counts))
     extended = sum(count.trials != count.own for count in counts)
-    # The wrong ones first.
-    shown = {
-        (count.n_samples, count.n_inliers, count.confidence): count
-        for count in sorted(counts, key=lambda count: not keeps(count), reverse=True)
-    }
+    # The wrong ones first, then those that show most: the same model in hand, and trials missing.
+    shown: dict[tuple[int, int, float], TrialCount] = {}
+    for count in sorted(counts, key=_interest):
+        shown.setdefault((count.n_samples, count.n_inliers, count.confidence), count)
     evidence = Extension(
         len(counts),
         extended,
         kept,
         counted,
-        tuple(sorted(shown.values(), key=keeps)[:_SHOWN]),
+        tuple(shown.values())[:_SHOWN],
         outcomes,
     )
     other = next((count for count in counts if not _follows(count, sampler)), None)
@@ -256,6 +255,11 @@ def keeps(count: TrialCount) -> bool:
     if count.n_inliers == count.first_inliers:
         return count.trials == target
     return count.trials >= target
+
+
+def _interest(count: TrialCount) -> tuple[bool, bool, bool]:
+    changed = count.n_inliers != count.first_inliers
+    return keeps(count), changed, count.trials == count.own
 
 
 def _follows(count: TrialCount, sampler: SamplerLaw) -> bool:
