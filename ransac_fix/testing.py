@@ -34,6 +34,8 @@ Cameras have a focal length of 1000 pixels and their centre at (512, 512). They 
 ``rotation``; their rotation is known, the identity, in ``absolute_position`` and
 ``translation_direction``. Any floor on the number of trials must be 0 and any multiplier 1. The
 same seed must give the same samples, whatever the other arguments.
+A function without a seed is measured too: by its trials where it returns them, and by the
+outcomes of some thousand runs where it does not.
 """
 
 from collections.abc import Callable
@@ -94,6 +96,7 @@ def measure_stopping_rule(
         stopping_law=measured.fit.law,
         points=measured.points,
         defects=measured.defects,
+        outcomes=measured.outcomes,
         runs=measured.runs,
     )
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ransac_fix.audit.controls import CONTROLS, KnownLaw
+from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, KnownLaw
 from ransac_fix.audit.drawing import Strata, spread
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
 from ransac_fix.audit.worker.planted import Planted
@@ -70,6 +70,8 @@ class _Preferring:
 
 
 _PREFERRED = 0.75
+# Trials of a run where thousands are needed.
+_BRIEF = 40
 # Pixels; the planted points are farther apart.
 _APART = 1.0
 
@@ -119,6 +121,8 @@ def entry_point(law: KnownLaw) -> EntryPoint:
         run,
         counted=law.counted,
         n_strata=law.n_strata,
+        repeatable=not law.outcomes_only,
+        typical_trials=_BRIEF if law.outcomes_only else 80,
     )
 
 
@@ -145,7 +149,7 @@ def _strata(planted: Planted, n_inliers: int) -> Strata:
 
 
 def _entry_points(_module: Any) -> list[EntryPoint | Unmeasured]:
-    return [entry_point(law) for law in CONTROLS]
+    return [entry_point(law) for law in (*CONTROLS, *OUTCOME_CONTROLS)]
 
 
 PROBE = Probe("reference", "ransac_fix.reference", ("ransac-fix",), _entry_points)

@@ -5,13 +5,13 @@ An audit that cannot name these cannot be trusted on a library, and gives no ver
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from ransac_fix.audit.drawing import Strata
 from ransac_fix.audit.laws import Candidate, formula
 from ransac_fix.audit.measure import Measurement
-from ransac_fix.audit.model import DEFECTS, Assumed, Drawn
+from ransac_fix.audit.model import DEFECTS, Assumed, Drawn, StoppingLaw
 
 _ROUNDINGS: dict[str, tuple[float, Callable[[float], int]]] = {
     "floor": (0.0, math.floor),
@@ -65,6 +65,9 @@ class KnownLaw:
         Strata of the measurements.
     quota : tuple of int
         Parts of the sample, of the sampler and of a rule that goes by strata; see `Drawing`.
+    outcomes_only : bool
+        Whether its runs can be neither repeated nor counted, so that only what many of them
+        return shows the rule.
     quirk : str or None
         What the program does besides: a defect that must be named, ``"filter"`` for a sampler
         that redraws odd samples without counting a trial, ``"score"`` for a rule that takes a
@@ -86,6 +89,7 @@ class KnownLaw:
     counted: bool = False
     n_strata: int = 1
     quota: tuple[int, ...] = ()
+    outcomes_only: bool = False
     quirk: Quirk | None = None
 
     @property
@@ -147,17 +151,28 @@ class KnownLaw:
         drawn = sampler.drawn, sampler.sample_size, sampler.quota
         if drawn != (self.drawn, self.sample_size, self.quota):
             return False
-        if measured.defects != ((self.quirk,) if self.quirk in DEFECTS else ()):
+        quirk = self.quirk
+        if quirk == "no rule" and self.outcomes_only:
+            # That a run uses its budget does not show, only that it has no use for s.
+            quirk = "confidence ignored"
+        if measured.defects != ((quirk,) if quirk in DEFECTS else ()):
             return False
         if self.quirk in _NAMED_ALONE:
             return law is None and not measured.fit.rivals
+        if self.outcomes_only:
+            # Of laws that outcomes do not tell apart this must be one.
+            found = (law, *measured.fit.rivals) if law is not None else ()
+            return any(self._is(one) for one in found)
+        return law is not None and self._is(law)
+
+    def _is(self, law: StoppingLaw) -> bool:
+        """Whether a law is this one, up to its class."""
         return (
-            law is not None
-            and (law.assumed, law.sample_size) == (self.assumed, self.candidate.sample_size)
+            (law.assumed, law.sample_size) == (self.assumed, self.candidate.sample_size)
             and (law.inlier_offset, law.truncated) == (self.inlier_offset, self.truncated)
             and law.quota == self.candidate.quota
             and law.multiplier == self.multiplier
-            and law.phi == (self.phi, self.phi)
+            and law.phi == (None if self.outcomes_only else (self.phi, self.phi))
             and law.tested == self.tested
         )
 
@@ -176,6 +191,9 @@ CONTROLS = (
     KnownLaw("stratified", "stratified", "affine", 3, drawn="stratified", n_strata=2, quota=(2, 1)),
     KnownLaw("by strata, pooled rule", "approximate", "affine", 3, drawn="weighted", n_strata=2),
 )
+
+# The law that an audit proves itself on where it has to go by outcomes.
+OUTCOME_CONTROLS = (KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),)
 
 # All laws known, for the benchmark that measures how often one is mistaken.
 ZOO = (
@@ -251,4 +269,16 @@ ZOO = (
     ),
     KnownLaw("strata that do not matter", "distinct", "affine", 3, n_strata=2),
     KnownLaw("sampler that prefers the first", "approximate", "affine", 3, drawn="not uniform"),
+)
+
+# Those that can be told by outcomes; a rule that is off by a trial or rounds otherwise is one of
+# its class there, and the few of "overflow" and "first model" end before anything is in hand.
+OUTCOME_ZOO = tuple(
+    replace(law, name=f"{law.name}, by outcomes", outcomes_only=True)
+    for law in ZOO
+    if not law.counted
+    and not law.truncated
+    and law.n_strata == 1
+    and law.drawn != "not uniform"
+    and law.quirk not in ("first model", "overflow")
 )

@@ -10,6 +10,7 @@ from ransac_fix.audit.model import (
     DEFECTS,
     AtDefaults,
     Judgement,
+    OutcomeEvidence,
     Point,
     SamplerLaw,
     StoppingLaw,
@@ -30,6 +31,8 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
     defects = "; ".join(f"it {DEFECTS[defect]}" for defect in measured.defects)
     if defects and measured.fit.law is None:
         return "other rule", defects
+    if measured.outcomes is not None:
+        return _judge_outcomes(measured.fit, measured.sampler, measured.outcomes)
     if not measured.points:
         seen = "; ".join(f"{why} ({times} streams)" for why, times in measured.discarded.items())
         also = (
@@ -46,6 +49,34 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
     if defects:
         reason = f"{reason}; {defects}"
         verdict = "other rule" if verdict == "exact" else verdict
+    return verdict, reason
+
+
+def _judge_outcomes(
+    found: Fit, sampler: SamplerLaw, seen: OutcomeEvidence
+) -> tuple[Judgement, str]:
+    """Judge what many runs returned: one law, or several that they cannot tell apart."""
+    if found.law is None and found.rivals:
+        laws = " and ".join(rival.formula for rival in found.rivals[:3])
+        return "not measured", f"undecided after {seen.runs:,} runs: {laws} may all be true"
+    if found.law is None:
+        if sampler.drawn == "undecided":
+            return _judge_laws(found, sampler, ())
+        return "other rule", (
+            f"no known law explains what {seen.runs:,} runs returned; the likeliest is "
+            f"{seen.likeliest}"
+        )
+    verdict, reason = _judge_laws(Fit(found.law), sampler, ())
+    for rival in found.rivals:
+        other, _ = _judge_laws(Fit(rival), sampler, ())
+        if other != verdict:
+            return "not measured", (
+                f"undecided after {seen.runs:,} runs: {found.law.formula} and {rival.formula} "
+                "may both be true"
+            )
+    if found.rivals:
+        laws = " or ".join(assumption(rival) for rival in found.rivals[:3])
+        reason += f"; or it assumes {laws}, which {seen.runs:,} runs did not tell from that"
     return verdict, reason
 
 

@@ -294,7 +294,7 @@ def _implied_probability(points: Sequence[Point]) -> float | None:
 _ROUNDINGS = {0.0: "floor({})", 0.5: "round({})", 1.0: "ceil({})", 1.5: "ceil({} + 0.5)"}
 
 
-def formula(candidate: Candidate, multiplier: float, phi: tuple[float, float]) -> str:
+def formula(candidate: Candidate, multiplier: float, phi: tuple[float, float] | None) -> str:
     """Write one representative of the class of laws.
 
     Parameters
@@ -303,8 +303,8 @@ def formula(candidate: Candidate, multiplier: float, phi: tuple[float, float]) -
         The probability.
     multiplier : float
         Factor on the number of trials.
-    phi : tuple of float
-        Smallest and largest shift.
+    phi : tuple of float or None
+        Smallest and largest shift; None where it is not known.
 
     Returns
     -------
@@ -313,6 +313,8 @@ def formula(candidate: Candidate, multiplier: float, phi: tuple[float, float]) -
     """
     factor = "" if multiplier == 1 else f"{multiplier:g} * "
     inner = f"{factor}ln(1-s)/ln(1-{candidate.describe()})"
+    if phi is None:
+        return inner
     low, high = phi
     if low != high:
         return f"{inner} + {low:g} to {high:g}"

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from ransac_fix.audit import laws, plan, sampling
-from ransac_fix.audit.model import Defect, Point, SamplerLaw
+from ransac_fix.audit import laws, outcomes, plan, sampling
+from ransac_fix.audit.model import Defect, OutcomeEvidence, Point, SamplerLaw
 from ransac_fix.audit.worker import streams
 from ransac_fix.audit.worker.planted import PROBLEMS
 from ransac_fix.criterion import all_inlier_probability
@@ -27,6 +27,8 @@ _MANY = 1500
 _SELDOM = 0.05
 _MANY_TRIALS = 120
 _MANY_RUNS = 3
+# Measurements and inliers of a problem of a few trials, and an eighth of the budget for it.
+_EASY = (20, 18, 60)
 # Large groups, of nearly one size: a rule that ends a run at a confidence of its own misses the
 # larger now and then.
 _LARGE = (45, 22)
@@ -62,6 +64,8 @@ class Measurement:
         Why streams were thrown away, and how many.
     defects : tuple of str
         What the program does besides its law, or in place of one.
+    outcomes : OutcomeEvidence or None
+        The evidence in place of points, where runs can be neither repeated nor counted.
     """
 
     sampler: SamplerLaw
@@ -70,6 +74,7 @@ class Measurement:
     runs: int
     discarded: dict[str, int]
     defects: tuple[Defect, ...] = ()
+    outcomes: OutcomeEvidence | None = None
 
 
 def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
@@ -91,6 +96,8 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     sampler, runs = sampler_law(host, one, seed)
     sampler, more = _with_filter(host, one, sampler, seed)
     runs += more
+    if not one["repeatable"] and not one["counted"]:
+        return _by_outcomes(host, one, sampler, runs, seed)
     points: list[Point] = []
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
@@ -116,6 +123,11 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
             for why, times in answer["discarded"].items():
                 discarded[why] = discarded.get(why, 0) + times
             points += [_point(raw, k) for raw in answer["points"]]
+            if kind == "count" and set(answer["discarded"]) == {streams.BUDGET_REACHED}:
+                never_ends, more = _never_ends(host, one["name"], seed)
+                runs += more
+                if never_ends:
+                    return Measurement(sampler, (), fit, runs, discarded, ("no rule",))
         fit = laws.fit(points, one["sample_size"])
         if fit.law is not None or (not fit.rivals and len(points) >= _ENOUGH_POINTS):
             break
@@ -158,6 +170,24 @@ def settings_for(
         )
     make = plan.counted_settings if counted else plan.settings
     return make(one["sample_size"], typical, spare=spare, fewest=one["fewest_samples"])
+
+
+def _by_outcomes(
+    host: Asked, one: dict[str, Any], sampler: SamplerLaw, runs: int, seed: int
+) -> Measurement:
+    """Measure a rule that shows in nothing but how often runs return which model."""
+    decision = outcomes.decide(host, one, sampler, seed + 30_000)
+    defects: tuple[Defect, ...] = () if decision.defect is None else (decision.defect,)
+    return Measurement(
+        sampler, (), decision.fit, runs + decision.runs, {}, defects, decision.evidence
+    )
+
+
+def _never_ends(host: Asked, name: str, seed: int) -> tuple[bool, int]:
+    """Whether runs use a budget that is dozens of times what any rule would ask for."""
+    setting = plan.Setting(_EASY[0], _EASY[1], 1, _EASY[2])
+    answer = host.ask("points", entry_point=name, **_request(setting, "count", 4, seed))
+    return set(answer["discarded"]) == {streams.BUDGET_REACHED}, answer["runs"]
 
 
 def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[str, Any]:

@@ -95,8 +95,9 @@ class StoppingLaw:
     multiplier : float
         Factor on the number of trials, with the library's own multiplier set to 1 where it has
         one.
-    phi : tuple of float
-        Smallest and largest seen; they differ where one sample gives several models.
+    phi : tuple of float or None
+        Smallest and largest seen; they differ where one sample gives several models. None where
+        only outcomes were seen, which do not show it.
     tested : str
         ``"every trial"``, or ``"on improvement"`` for a rule that is consulted only when the
         model in hand improves.
@@ -114,7 +115,7 @@ class StoppingLaw:
     sample_size: int
     inlier_offset: int
     multiplier: float
-    phi: tuple[float, float]
+    phi: tuple[float, float] | None
     tested: Literal["every trial", "on improvement"]
     truncated: bool
     formula: str
@@ -171,6 +172,90 @@ class SamplerLaw:
     error: float = 0.0
     strayed: str = ""
     accepted: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeCount:
+    """What runs that cannot be repeated returned, on one size of problem at one confidence.
+
+    Parameters
+    ----------
+    n : int
+        Measurements.
+    n_inliers : int
+        Size of each smaller group; the larger one holds one more.
+    n_groups : int
+        Smaller groups.
+    confidence : float or None
+        s; None for runs that only their budget ended, which show how often the groups are found.
+    max_trials : int
+        Budget.
+    smaller, larger, neither : int
+        Runs that returned a smaller model, the larger one, or neither.
+    approximate, exact, expected : float or None
+        Chance that a run with one of the two models returned the smaller: by (I/n)^k, by the
+        exact probability, and by the law found; None where there is none.
+    """
+
+    n: int
+    n_inliers: int
+    n_groups: int
+    confidence: float | None
+    max_trials: int
+    smaller: int
+    larger: int
+    neither: int
+    approximate: float | None
+    exact: float | None
+    expected: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class LikelihoodRatio:
+    """How much likelier the law found makes the outcomes than another does.
+
+    Parameters
+    ----------
+    law : str
+        The other law, without its rounding.
+    log_ratio : float
+        Natural logarithm of the ratio, a lower bound: the law found averaged over what is not
+        known of the function, the other at its best.
+    """
+
+    law: str
+    log_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeEvidence:
+    """What was seen of a function whose runs can be neither repeated nor counted.
+
+    Parameters
+    ----------
+    runs : int
+        Runs, those with a fixed budget included.
+    error_rate : float
+        Bound on the chance that any one other law is true and was rejected.
+    counts : tuple of OutcomeCount
+        What they returned.
+    likeliest : str
+        The law under which this is likeliest, without its rounding.
+    ratios : tuple of LikelihoodRatio
+        Of it against the laws that came closest, and the approximate and the exact one.
+    factor : tuple of float or None
+        Trials relative to those by the law found: the likeliest factor and its 99 % interval.
+    no_law : float
+        The log-ratio in favour of no law at all; above ``-ln(error_rate)`` all are rejected.
+    """
+
+    runs: int
+    error_rate: float
+    counts: tuple[OutcomeCount, ...]
+    likeliest: str
+    ratios: tuple[LikelihoodRatio, ...]
+    factor: tuple[float, float, float] | None
+    no_law: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,6 +442,8 @@ class Verdict:
         The evidence.
     defects : tuple of str
         What was seen besides the law.
+    outcomes : OutcomeEvidence or None
+        The evidence in place of points, where runs can be neither repeated nor counted.
     runs : int
         Library runs spent.
     seconds : float
@@ -376,6 +463,7 @@ class Verdict:
     at_defaults: AtDefaults | None = None
     points: tuple[Point, ...] = ()
     defects: tuple[Defect, ...] = ()
+    outcomes: OutcomeEvidence | None = None
     runs: int = 0
     seconds: float = 0.0
     extension: Extension | None = None

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ransac_fix.audit.controls import CONTROLS
+from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, KnownLaw
 from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
 from ransac_fix.audit.drawing import spread
 from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
@@ -113,6 +113,8 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
         for member in members:
             member.result()
         controls = controls_running.result()
+    if any(verdict.outcomes for job in crew.jobs for verdict in job.verdicts()):
+        controls += measure_controls(options, OUTCOME_CONTROLS)
     verdicts: list[Verdict] = []
     missing: list[str] = []
     for job in crew.jobs:
@@ -145,6 +147,8 @@ def audit_function(arguments: Sequence[str], options: Options) -> Report:
     _Crew([job], options, lambda _: None).work()
     wrapped = "-" not in job.done
     controls = measure_controls(options) if wrapped else ()
+    if any(verdict.outcomes for verdict in job.verdicts()):
+        controls += measure_controls(options, OUTCOME_CONTROLS)
     return _report(job.verdicts(), controls, [], started)
 
 
@@ -376,9 +380,11 @@ def _audit_entry_point(
     defaults = None
     advice = ""
     declared = one["defaults"]
-    if declared is not None and measured.points:
-        checked, more = _check_defaults(host, one, declared, measured)
-        runs += more
+    if declared is not None and (measured.points or measured.outcomes):
+        checked = None
+        if one["repeatable"] or one["counted"]:
+            checked, more = _check_defaults(host, one, declared, measured)
+            runs += more
         problems = [
             (n, n_inliers, None) for n, n_inliers in standard_problems(measured.sampler.sample_size)
         ]
@@ -404,6 +410,7 @@ def _audit_entry_point(
         defaults,
         measured.points,
         measured.defects,
+        measured.outcomes,
         runs,
         round(time.monotonic() - started, 3),
     )
@@ -504,13 +511,17 @@ def _check_defaults(
     return answer["different"] == 0, answer["runs"]
 
 
-def measure_controls(options: Options, seed: int = SEED) -> tuple[Control, ...]:
+def measure_controls(
+    options: Options, laws: Sequence[KnownLaw] = CONTROLS, seed: int = SEED
+) -> tuple[Control, ...]:
     """Measure the known laws.
 
     Parameters
     ----------
     options : Options
         Only the time matters: the controls run in the audit's own environment.
+    laws : sequence of KnownLaw, optional
+        Which; `OUTCOME_CONTROLS` in place of `CONTROLS` where a verdict rests on outcomes.
     seed : int, optional
         Fixes the planted problems and the random streams.
 
@@ -522,7 +533,7 @@ def measure_controls(options: Options, seed: int = SEED) -> tuple[Control, ...]:
     try:
         with WorkerHost(_CONTROL_PROBE, sys.executable, options.seconds) as host:
             described = {one["name"]: one for one in host.ask("describe")["entry_points"]}
-            for known in CONTROLS:
+            for known in laws:
                 host.allow(options.seconds)
                 measured = measure(host, described[known.name], seed)
                 found = measured.fit.law

@@ -1,5 +1,7 @@
 """A user's own RANSAC, wrapped so that it is measured like a library."""
 
+import inspect
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +11,8 @@ from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
 from ransac_fix.audit.worker.planted import PROBLEMS, Planted, plant
 from ransac_fix.errors import RansacFixError
 
+# Runs that are repeated, on so many problems: by chance all agree once in 10^8 times.
+_PROBLEMS, _REPEATS = 3, 10
 # The minimal samples of the planted problems.
 SAMPLE_SIZES = {
     "line": 2,
@@ -47,7 +51,8 @@ def entry_point(
     Parameters
     ----------
     function : callable
-        ``function(x, y, *, threshold, max_trials, confidence, seed)``; it returns the inliers as
+        ``function(x, y, *, threshold, max_trials, confidence, seed)``, or one without a seed; it
+        returns the inliers as
         a boolean mask over the measurements or None, or such a mask and the number of trials.
     problem : str
         The planted problem it can solve; key of `SAMPLE_SIZES`.
@@ -73,15 +78,18 @@ def entry_point(
     qualified = str(getattr(function, "__qualname__", type(function).__name__))
     title = name or qualified.rpartition("<locals>.")[2]
 
+    seeded = _takes_seed(function)
+
     def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         assert settings is not None
+        options = {"seed": seed} if seeded else {}
         found = function(
             planted.x,
             planted.y,
             threshold=planted.threshold,
             max_trials=settings.max_trials,
             confidence=settings.confidence,
-            seed=seed,
+            **options,
         )
         return _outcome(found, planted.n_samples, title)
 
@@ -96,9 +104,40 @@ def entry_point(
         k,
         run,
         counted=first.trials is not None,
+        seeded=seeded,
+        repeatable=_repeatable(run, problem, k),
         typical_trials=typical_trials,
         spare=spare,
     )
+
+
+def _takes_seed(function: Callable[..., Any]) -> bool:
+    """Whether a function can be given a seed."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return True
+    return any(
+        one.kind is one.VAR_KEYWORD or (one.name == "seed" and one.kind is not one.POSITIONAL_ONLY)
+        for one in parameters
+    )
+
+
+def _repeatable(
+    run: Callable[[Planted, Settings | None, int], Outcome], problem: str, sample_size: int
+) -> bool:
+    """Whether the same arguments give the same outcome, of trials that hit every second time."""
+    n = sample_size + 3
+    trials = max(1, round(0.7 * math.comb(n, sample_size) / (sample_size + 1)))
+    for seed in range(_PROBLEMS):
+        planted = plant(problem, n, sample_size + 1, 1, 0, seed)
+        groups = {
+            planted.group_of(run(planted, Settings(trials, 1 - 2.0**-53), seed).inliers)
+            for _ in range(_REPEATS)
+        }
+        if len(groups) > 1:
+            return False
+    return True
 
 
 def _outcome(found: Any, n: int, title: str) -> Outcome:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ransac_fix.audit.model import AtDefaults, Extension, Guarantee, Point, Report, Verdict
 from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
+from ransac_fix.report.outcomes_text import OUTCOMES_LEGEND, outcome_lines
 from ransac_fix.report.text_table import count_text, probability_text
 
 if TYPE_CHECKING:
@@ -63,9 +64,15 @@ def print_verdicts(report: Report, console: "Console", *, every_point: bool = Fa
         if not control.passed:
             line = f"control failed: {control.name}: put in {control.expected}, "
             console.print(Text(line + f"found {control.identified}", style="bold red"))
-    if any(verdict.points for verdict in report.verdicts):
-        for paragraph in (_POINTS_LEGEND, _GUARANTEE_LEGEND):
-            console.print(Text(paragraph, style="dim"))
+    measured = [verdict for verdict in report.verdicts if verdict.points or verdict.outcomes]
+    legends = [_GUARANTEE_LEGEND] if measured else []
+    if any(verdict.outcomes for verdict in measured):
+        legends.insert(0, OUTCOMES_LEGEND)
+    if any(verdict.points for verdict in measured):
+        legends.insert(0, _POINTS_LEGEND)
+    for paragraph in legends:
+        console.print(Text(paragraph, style="dim"))
+    if legends:
         console.print()
     if report.not_installed:
         console.print(Text("not installed: " + ", ".join(report.not_installed), style="dim"))
@@ -87,6 +94,8 @@ def _print_verdict(verdict: Verdict, console: "Console", every_point: bool) -> N
         body.append(_points_table(verdict.points if every_point else _one_each(verdict.points)))
     if verdict.extension is not None:
         body += _extension(verdict.extension)
+    if verdict.outcomes is not None:
+        body += outcome_lines(verdict.outcomes, every_point=every_point)
     if verdict.at_defaults is not None:
         body += _defaults(verdict.at_defaults)
     if verdict.advice:

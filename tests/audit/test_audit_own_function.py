@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ransac_fix.audit.user import SAMPLE_SIZES
+from ransac_fix.audit.user import SAMPLE_SIZES, entry_point
 from ransac_fix.audit.worker.planted import PROBLEMS
 from ransac_fix.cli import probe
 from ransac_fix.errors import RansacFixError
@@ -67,6 +67,51 @@ def test_the_exact_rule_for_distinct_indices_undersamples_with_replacement():
 
 def test_another_verdict_can_be_expected():
     assert_stopping_rule(line_ransac(approximate), problem="line", expected="undersamples")
+
+
+def unseeded(ransac):
+    """A function that takes no seed, and draws as fresh as the clock."""
+    fresh = np.random.default_rng(7)
+
+    def without_seed(x, y, *, threshold, max_trials, confidence):
+        return ransac(
+            x,
+            y,
+            threshold=threshold,
+            max_trials=max_trials,
+            confidence=confidence,
+            seed=int(fresh.integers(2**60)),
+        )
+
+    return without_seed
+
+
+def test_a_function_without_a_seed_is_measured_by_its_trials():
+    assert_stopping_rule(unseeded(line_ransac(exact, report_trials=True)), problem="line")
+
+
+def test_a_function_without_a_seed_and_a_count_is_measured_by_outcomes():
+    found = measure_stopping_rule(unseeded(line_ransac(lambda i, n: i / n)), problem="line")
+    assert (found.stopping_law.assumed, found.stopping_law.sample_size) == ("approximate", 1)
+    assert found.verdict == "undersamples"
+    assert found.points == ()
+    assert found.outcomes.error_rate == 1e-6
+
+
+@pytest.mark.parametrize(("seeded", "repeatable"), [(True, True), (False, False)])
+def test_whether_runs_can_be_repeated_is_seen_and_not_believed(seeded, repeatable):
+    plain = line_ransac(exact)
+    found = entry_point(plain if seeded else unseeded(plain), problem="line")
+    assert (found.seeded, found.repeatable) == (seeded, repeatable)
+
+
+def test_a_seed_that_has_no_effect_is_noticed():
+    without = unseeded(line_ransac(exact))
+
+    def ignores(x, y, *, seed, **options):
+        return without(x, y, **options)
+
+    assert not entry_point(ignores, problem="line").repeatable
 
 
 def test_what_is_no_mask_is_refused():

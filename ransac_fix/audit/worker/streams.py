@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
+from ransac_fix.audit.worker.outcomes import outcomes
 from ransac_fix.audit.worker.planted import Planted, evenly, plant
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ U_RANGE = (0.01, 25.0)
 RESOLUTION = 0.03
 NOT_FOUND = "the larger model was not found within the budget"
 NEVER_STOPS = "the rule never stops before the larger model"
+BUDGET_REACHED = "the run reached its budget"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
 # Streams in vain, after which no others are tried.
 _HOPELESS = 20
@@ -267,7 +269,7 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
     high = u
     count = trials(high)
     if count >= largest:
-        raise Discarded("the run reached its budget")
+        raise Discarded(BUDGET_REACHED)
     if count < smallest:
         raise Discarded("the run was too short")
     low = high * (1 - 2.5 / count)
@@ -528,4 +530,5 @@ REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
     "larger": larger,
     "trials": trials,
     "defaults": defaults,
+    "outcomes": outcomes,
 }
