@@ -52,17 +52,12 @@ class Simulated:
     def ask(self, do: str, **request: Any) -> dict[str, Any]:
         """Answer a request for outcomes."""
         assert do == "outcomes"
-        counts = []
-        for n, size, groups, budget, confidence, runs in request["cases"]:
-            larger = smaller = 0
-            for _ in range(runs):
-                group = self._run(n, size, groups, budget, confidence)
-                larger += group == "larger"
-                smaller += group == "smaller"
-            counts.append([larger, smaller, runs - larger - smaller])
+        counts = [self._counts(*case) for case in request["cases"]]
         return {"counts": counts, "runs": sum(case[-1] for case in request["cases"])}
 
-    def _run(self, n: int, size: int, groups: int, budget: int, confidence: float) -> str:
+    def _counts(
+        self, n: int, size: int, groups: int, budget: int, confidence: float, runs: int
+    ) -> list[int]:
         k, drawn = self._sampler.sample_size, self._sampler.drawn
         a = self._found * groups * all_inlier_probability(size, n, k, sampling=drawn)
         b = self._found * all_inlier_probability(size + 1, n, k, sampling=drawn)
@@ -72,16 +67,15 @@ class Simulated:
             u = -math.log1p(-confidence)
             in_hand = self._trials(size, n, u, budget)
             without = max(in_hand, self._trials(k, n, u, budget))
-        first = self._rng.geometric(min(1.0, a + b))
         improving = self._law.tested == "on improvement"
-        if first > (budget if improving else without):
-            return "neither"
-        if self._rng.random() < b / (a + b):
-            return "larger"
-        end = max(first, in_hand)
+        first = self._rng.geometric(min(1.0, a + b), runs)
+        seen = first <= (budget if improving else without)
+        smaller = self._rng.random(runs) < a / (a + b)
+        end = np.maximum(first, in_hand)
         if improving:
-            end = first if first >= in_hand else budget
-        return "larger" if first + self._rng.geometric(b) <= end else "smaller"
+            end = np.where(first >= in_hand, first, budget)
+        kept = smaller & (first + self._rng.geometric(b, runs) > end) & seen
+        return [int((seen & ~kept).sum()), int(kept.sum()), int((~seen).sum())]
 
     def _trials(self, n_inliers: int, n: int, u: float, budget: int) -> int:
         x = self._law.x(n_inliers, n, u)

@@ -75,9 +75,16 @@ def _judge_outcomes(
                 "may both be true"
             )
     if found.rivals:
-        laws = " or ".join(assumption(rival) for rival in found.rivals[:3])
+        laws = " or ".join(_beside(rival, found.law) for rival in found.rivals[:3])
         reason += f"; or it assumes {laws}, which {seen.runs:,} runs did not tell from that"
     return verdict, reason
+
+
+def _beside(rival: StoppingLaw, law: StoppingLaw) -> str:
+    """Name a law that stands beside another, by what is different."""
+    if rival.multiplier == law.multiplier:
+        return assumption(rival)
+    return f"{assumption(rival)} with a factor of {rival.multiplier:g} on its trials"
 
 
 def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tuple[Judgement, str]:
