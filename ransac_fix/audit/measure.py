@@ -103,14 +103,18 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     fit = laws.Fit(None)
     k = one["sample_size"]
     for attempt in range(2):
-        # Counted trials are checked by a flip point, unless the draws themselves were counted;
+        # Counted trials are checked by a flip point, unless the draws themselves were counted: then
+        # one point a problem does, as such libraries are slow;
         # flip points are the evidence else.
         steps = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
         if not one["repeatable"]:
             steps = []
         if one["counted"] and attempt == 0:
             checked = steps[:1]
-            steps = [("count", s, s.points) for s in settings_for(one, sampler, counted=True)]
+            steps = [
+                ("count", s, 1 if one["watched"] else s.points)
+                for s in settings_for(one, sampler, counted=True)
+            ]
             if not one["watched"]:
                 steps += [("flip", setting, 1) for _, setting, _ in checked]
         for kind, setting, wanted in steps:
