@@ -5,8 +5,10 @@ expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``),
 (``rules``). ``scan_paths`` does it all.
 """
 
+import gc
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -263,12 +265,25 @@ def _scan_sent(sent: _Sent, options: _Options) -> _Batch:
 
     rules = [find_rule(code) for code in options.codes]
     batch = _Batch(errors=list(sent.errors), files=sent.files)
-    for file, data in sent.contents:
-        settings = Settings(options.fix_style, options.python)
-        outcome = scan_data(data, file, rules, gate=options.gate, settings=settings)
-        batch.findings.extend(outcome.findings)
-        batch.errors.extend(outcome.errors)
+    settings = Settings(options.fix_style, options.python)
+    with _uncollected():
+        for file, data in sent.contents:
+            outcome = scan_data(data, file, rules, gate=options.gate, settings=settings)
+            batch.findings.extend(outcome.findings)
+            batch.errors.extend(outcome.errors)
     return batch
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the garbage collector out: syntax trees are many objects, and free themselves."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 @lru_cache(maxsize=1)
@@ -295,16 +310,12 @@ def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
     rules = [find_rule(code) for code in options.codes]
     known = None if options.cache is None else _known(options.cache)
     batch = _Batch(files=len(files))
-    for file in files:
-        outcome = scan_file(
-            file,
-            rules,
-            gate=options.gate,
-            known=known,
-            settings=Settings(options.fix_style, options.python),
-        )
-        batch.findings.extend(outcome.findings)
-        batch.errors.extend(outcome.errors)
-        if outcome.digest is not None:
-            batch.empty.add(outcome.digest)
+    settings = Settings(options.fix_style, options.python)
+    with _uncollected():
+        for file in files:
+            outcome = scan_file(file, rules, gate=options.gate, known=known, settings=settings)
+            batch.findings.extend(outcome.findings)
+            batch.errors.extend(outcome.errors)
+            if outcome.digest is not None:
+                batch.empty.add(outcome.digest)
     return batch

@@ -62,6 +62,7 @@ def draws(module: Module) -> list[Draw]:
     found: list[Draw] = []
     checked: set[int | None] = set()
     checked_in_c: set[int | None] = set()
+    checked_singly: set[int | None] = set()
     for expr, function, loops in expressions(module.body, None, 0):
         if isinstance(expr, Call):
             if expr.name in _CHECKS:
@@ -72,15 +73,15 @@ def draws(module: Module) -> list[Draw]:
             if law is not None and expr.span is not None:
                 found.append(Draw(law, expr.span, function, loops, _size(expr)))
         elif isinstance(expr, Op) and expr.op == "in" and loops:
-            checked.add(_key(function))
+            # Of an index: whether it was drawn already; of a whole sample: something else.
+            checked_singly.add(_key(function))
         elif isinstance(expr, Op) and expr.op in ("==", "!=") and loops:
             checked_in_c.add(_key(function))
         elif isinstance(expr, Op) and _is_remainder(expr) and expr.span is not None:
             found.append(Draw("single in c", expr.span, function, loops))
+    checks = {"single": checked | checked_singly, "single in c": checked_in_c}
     return [
-        _settled(
-            draw, _key(draw.function) in (checked_in_c if draw.law == "single in c" else checked)
-        )
+        _settled(draw, _key(draw.function) in checks.get(draw.law, checked))
         for draw in found
     ]
 

@@ -63,6 +63,15 @@ def test_a_draw_that_checks_for_repeats_is_distinct():
     assert found.sampler == "distinct"
 
 
+def test_whether_a_whole_sample_was_drawn_before_says_nothing_of_repeats_in_it():
+    source = LOOP.format(
+        draw="""sample = np.random.randint(0, n, k)
+        if sample in tried: continue"""
+    )
+    (found,) = read(python.parse(source), Text(source), "ransac.py")
+    assert found.sampler == "replacement"
+
+
 def test_the_draw_in_the_loop_counts_not_the_one_that_makes_data():
     source = LOOP.format(draw="sample = random.sample(points, k)").replace(
         "    N = 1000", "    noise = np.random.randint(0, 9, n)\n    N = 1000"
