@@ -80,10 +80,7 @@ def draws(module: Module) -> list[Draw]:
         elif isinstance(expr, Op) and _is_remainder(expr) and expr.span is not None:
             found.append(Draw("single in c", expr.span, function, loops))
     checks = {"single": checked | checked_singly, "single in c": checked_in_c}
-    return [
-        _settled(draw, _key(draw.function) in checks.get(draw.law, checked))
-        for draw in found
-    ]
+    return [_settled(draw, _key(draw.function) in checks.get(draw.law, checked)) for draw in found]
 
 
 def law_for(
