@@ -194,7 +194,7 @@ def _page(system: System, releases: list[Json]) -> str:
         "",
         "| entry point | releases | verdict | rule |",
         "| --- | --- | --- | --- |",
-        *_rules(measured),
+        *_rules(releases),
         "",
         "## Evidence",
         "",
@@ -215,24 +215,23 @@ def _page(system: System, releases: list[Json]) -> str:
     return _text(lines)
 
 
-def _rules(measured: list[Json]) -> Iterator[str]:
-    """Write one row for each run of releases in which an entry point behaves the same."""
-    names = dict.fromkeys(
-        one["entry_point"] for release in reversed(measured) for one in release["verdicts"]
-    )
-    for name in names:
+def _rules(releases: list[Json]) -> Iterator[str]:
+    """Write one row for each run of releases in which an entry point behaves the same.
+
+    A release in which it was not measured ends a run: nothing is inferred from its neighbours.
+    """
+    found = [{one["entry_point"]: one for one in release["verdicts"]} for release in releases]
+    for name in dict.fromkeys(name for verdicts in reversed(found) for name in verdicts):
         history = [
-            (release, verdict)
-            for release in measured
-            for verdict in release["verdicts"]
-            if verdict["entry_point"] == name
+            (release, verdicts.get(name)) for release, verdicts in zip(releases, found, strict=True)
         ]
-        for _, group in groupby(history, key=lambda one: _behaviour(one[1])):
+        for behaviour, group in groupby(history, key=lambda one: one[1] and _behaviour(one[1])):
+            if behaviour is None:
+                continue
             same = list(group)
             span, newest = _span([release for release, _ in same]), same[-1][1]
-            verdict = newest["verdict"]
-            rule = _rule(newest)
-            yield f"| {escaped(name)} | {span} | {MARKS[verdict]} {verdict} | {rule} |"
+            mark = f"{MARKS[newest['verdict']]} {newest['verdict']}"
+            yield f"| {escaped(name)} | {span} | {mark} | {_rule(newest)} |"
 
 
 def _behaviour(verdict: Json) -> tuple[str, str]:
