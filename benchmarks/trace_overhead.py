@@ -1,15 +1,18 @@
 """What `ransac_fix.trace` costs a call: ``python benchmarks/trace_overhead.py``.
 
-Short calls, bare and traced in turn: the least processor time of each, so that a busy machine
-disturbs little. What a trace adds does not depend on how long a call takes. *worker*: each call
+Short calls, bare and traced in turn, call by call: the median over rounds of the difference in
+processor time, so that a busy machine disturbs little. What a trace adds does not depend on how
+long a call takes. *worker*: each call
 is written to a file too, as in a process that a traced program has started.
 """
 
+import statistics
 import sys
 import tempfile
 from collections.abc import Callable
 from time import process_time
-from typing import Any
+from types import ModuleType
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -20,7 +23,10 @@ import ransac_fix
 from ransac_fix.patching import tracing
 from ransac_fix.patching.recorder import Recorder
 
-_ROUNDS, _CALLS = 40, 50
+Call: TypeAlias = Callable[[Callable[..., Any]], Any]
+
+# As many calls a round as are summed up together, so that every round holds its share of that.
+_ROUNDS, _CALLS = 20, 256
 
 
 def _planted(n_samples: int, n_inliers: int) -> tuple[np.ndarray, np.ndarray]:
@@ -31,42 +37,49 @@ def _planted(n_samples: int, n_inliers: int) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def _time(call: Callable[[], Any]) -> float:
-    start = process_time()
-    for _ in range(_CALLS):
-        call()
-    return (process_time() - start) / _CALLS
+def _measure(holder: ModuleType, name: str, call: Call) -> tuple[float, float, float]:
+    """Return seconds a call: bare, and what a trace and a trace in a worker add."""
+    bare = getattr(holder, name)
+    rounds = []
+    with ransac_fix.trace(), tempfile.TemporaryDirectory() as folder:
+        traced = getattr(holder, name)
+        here = tracing._recorder
+        kinds = (bare, here), (traced, here), (traced, Recorder(folder, write=True))
+        for _ in range(_ROUNDS):
+            seconds = [0.0] * len(kinds)
+            for _ in range(_CALLS):
+                for kind, (function, tracing._recorder) in enumerate(kinds):
+                    start = process_time()
+                    call(function)
+                    seconds[kind] += process_time() - start
+            rounds.append([total / _CALLS for total in seconds])
+        tracing._recorder = here
+    more = [statistics.median(r[kind] - r[0] for r in rounds) for kind in (1, 2)]
+    return min(r[0] for r in rounds), *more
 
 
 def main() -> int:
     """Print milliseconds a call, bare and traced, and the difference; 1 where it is 2 % or more."""
     x, y = _planted(20, 15)
-    calls: dict[str, Callable[[], Any]] = {
-        "cv2.findHomography": lambda: cv2.findHomography(x, y, cv2.RANSAC, 1.0),
-        "cv2.estimateAffine2D": lambda: cv2.estimateAffine2D(x, y),
-        "skimage.measure.ransac": lambda: skimage.measure.ransac(
-            (x, y), AffineTransform, 3, 1.0, max_trials=1, rng=1
+    calls: tuple[tuple[ModuleType, str, Call], ...] = (
+        (cv2, "findHomography", lambda f: f(x, y, cv2.RANSAC, 1.0)),
+        (cv2, "estimateAffine2D", lambda f: f(x, y)),
+        (
+            skimage.measure,
+            "ransac",
+            lambda f: f((x, y), AffineTransform, 3, 1.0, max_trials=1, rng=1),
         ),
-    }
+    )
     print("| call | ms | traced, µs more | of 1 ms | worker, µs more | of 1 ms |")
     print("| --- | --- | --- | --- | --- | --- |")
     worst = 0.0
-    for name, call in calls.items():
-        bare = traced = worker = float("inf")
-        for _ in range(_ROUNDS):
-            bare = min(bare, _time(call))
-            with ransac_fix.trace(), tempfile.TemporaryDirectory() as folder:
-                call()
-                traced = min(traced, _time(call))
-                here, there = tracing._recorder, Recorder(folder, write=True)
-                tracing._recorder = there
-                call()
-                worker = min(worker, _time(call))
-                tracing._recorder = here
-        more = [1e6 * (seconds - bare) for seconds in (traced, worker)]
+    for holder, name, call in calls:
+        bare, *seconds = _measure(holder, name, call)
+        more = [1e6 * value for value in seconds]
         worst = max(worst, *more)
         cells = [f"{us:.1f} | {us / 10:.1f} %" for us in more]
-        print(f"| {name} | {1e3 * bare:.3f} | {' | '.join(cells)} |", flush=True)
+        label = f"{holder.__name__}.{name}"
+        print(f"| {label} | {1e3 * bare:.3f} | {' | '.join(cells)} |", flush=True)
     return int(worst >= 20)
 
 

@@ -43,6 +43,8 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
 
 def observe(module: ModuleType) -> tuple[Replacement, ...]:
     """Return what to watch: ``ransac``, in the module where it looks its rule up."""
+    import numpy as np
+
     original = own_function(module, "ransac")
     home = (
         sys.modules.get(getattr(inspect.unwrap(original), "__module__", "")) if original else None
@@ -52,8 +54,11 @@ def observe(module: ModuleType) -> tuple[Replacement, ...]:
     if home is not module and home.__name__ in PATCH.modules:
         return ()  # watched there
     parameters = inspect.signature(original).parameters
-    names = tuple(parameters)
-    defaults = {name: parameter.default for name, parameter in parameters.items()}
+    places = {name: place for place, name in enumerate(parameters)}
+    settings = [
+        (name, places[name], parameters[name].default)
+        for name in ("min_samples", "max_trials", "stop_sample_num", "stop_probability")
+    ]
     rule = own_function(home, "_dynamic_max_trials")
     assert rule is not None
     is_exact = examine(rule, f"{home.__name__}._dynamic_max_trials").assumes == "exact"
@@ -61,13 +66,16 @@ def observe(module: ModuleType) -> tuple[Replacement, ...]:
 
     def ransac(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
-        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
-        inliers, k = result[1], settings["min_samples"]
+        inliers = result[1]
         if inliers is not None:
-            n_samples, n_inliers = len(inliers), int(inliers.sum())
-            limit, confidence = settings["max_trials"], min(settings["stop_probability"], highest)
+            k, limit, enough, confidence = [
+                args[place] if place < len(args) else kwargs.get(name, default)
+                for name, place, default in settings
+            ]
+            n_samples, n_inliers = len(inliers), int(np.count_nonzero(inliers))
+            confidence = min(confidence, highest)
             # With this the user asks for an end of another kind.
-            if n_inliers < settings["stop_sample_num"]:
+            if n_inliers < enough:
                 watched = CURRENT.get()
                 exact = is_exact or (watched is not None and watched.exact)
                 # The library's own takes longer: it works on arrays.

@@ -186,6 +186,22 @@ def approximate_required_trials(
     ValueError
         If an argument is not of its kind or out of range; the message names it.
     """
+    # As in `required_trials`, whose error bounds hold: both quotients are correctly rounded.
+    try:
+        key = (n_samples, sample_size, confidence)
+        log_allowed = (_SETTINGS.get(key) or _setting(*key))[2]
+        if type(n_inliers) is int and 0 < n_inliers < n_samples:  # type: ignore[operator]
+            good, possible = n_inliers**sample_size, n_samples**sample_size  # type: ignore[operator]
+            probability = good / possible
+            if probability > _SMALLEST:
+                trials = log_allowed / (
+                    log1p(-probability) if probability <= 0.5 else log((possible - good) / possible)
+                )
+                upper = ceil(trials * _ABOVE)
+                if trials * _BELOW > upper - 1:
+                    return upper
+    except TypeError:
+        pass
     return _trials(*_approximate_ratio(*_counts(n_inliers, n_samples, sample_size)), confidence)
 
 

@@ -212,13 +212,16 @@ class Spread:
         """Count values; infinity is counted and left out of the sum."""
         if not values:
             return
+        # Most numbers recur.
+        counts = Counter(values)
         self.count += len(values)
-        self.low = min(self.low, min(values))
-        self.high = max(self.high, max(values))
-        total = sum(values)
-        self.total += total if total < math.inf else sum(v for v in values if v < math.inf)
+        self.low = min(self.low, min(counts))
+        self.high = max(self.high, max(counts))
         buckets = self.buckets
-        for bucket, count in Counter(map(_bucket, values)).items():
+        for value, count in counts.items():
+            if value < math.inf:
+                self.total += value * count
+            bucket = _bucket(value)
             buckets[bucket] = buckets.get(bucket, 0) + count
 
     def merge(self, other: "Spread") -> None:

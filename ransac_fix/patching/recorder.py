@@ -8,9 +8,11 @@ the process, and takes no call of the system. When the file is full it is summed
 import contextlib
 import errno
 import json
+import marshal
 import mmap
 import os
 import threading
+from binascii import a2b_base64, b2a_base64
 from collections.abc import Callable
 from functools import lru_cache
 from itertools import count
@@ -63,7 +65,9 @@ class Recorder:
             # Worked through later, many at once: between calls of a library it takes longer.
             self._pending.append((key, raw))
             if self._writes:
-                self._write(f'["call",{_as_json(key)},{json.dumps(raw)}]')
+                # Several times as quick as JSON. Version 2 is read by every Python.
+                numbers = b2a_base64(marshal.dumps(raw, 2), newline=False)
+                self._write(b'["call",%b,"%b"]' % (_as_json(key), numbers))
             if len(self._pending) >= _MOST_PENDING:
                 self.flush()
 
@@ -90,7 +94,7 @@ class Recorder:
         with self._lock:
             self.left_out[system] = reason
             if self._writes:
-                self._write(json.dumps(["left out", system, reason]))
+                self._write(json.dumps(["left out", system, reason]).encode())
 
     def know(self, system: str, *, exact: bool, counted: bool) -> None:
         """Keep what is known of a library: its rule is exact, it says what it ran."""
@@ -99,7 +103,7 @@ class Recorder:
                 if is_so:
                     names.add(system)
             if self._writes:
-                self._write(json.dumps(["library", system, [exact, counted]]))
+                self._write(json.dumps(["library", system, [exact, counted]]).encode())
 
     @property
     def telling(self) -> int:
@@ -126,11 +130,11 @@ class Recorder:
         self._lines, self._written = lines, 0
         return lines
 
-    def _write(self, text: str) -> None:
+    def _write(self, text: bytes) -> None:
         """Write a line. What it says has been counted before: it may be part of the sums."""
         try:
             lines = self._lines or self._open()
-            line = f"{text}\n".encode()
+            line = text + b"\n"
             end = self._written + len(line)
             if end > len(lines):
                 self._sum_up()
@@ -192,8 +196,8 @@ def merge(recorder: Recorder) -> dict[str, int]:
 
 
 @lru_cache(maxsize=1024)
-def _as_json(key: Key) -> str:
-    return json.dumps(key)
+def _as_json(key: Key) -> bytes:
+    return json.dumps(key).encode()
 
 
 def _key(data: list[Any]) -> Key:
@@ -201,9 +205,8 @@ def _key(data: list[Any]) -> Key:
     return system, function, file, line, name
 
 
-def _read_call(recorder: Recorder, key: Any, raw: Any) -> None:
-    facts, *others = raw
-    recorder.tally(_key(key)).add([described((facts and tuple(facts), *others))])
+def _read_call(recorder: Recorder, key: Any, numbers: Any) -> None:
+    recorder.tally(_key(key)).add([described(marshal.loads(a2b_base64(numbers)))])  # noqa: S302
 
 
 def _read_left_out(recorder: Recorder, system: Any, reason: Any) -> None:

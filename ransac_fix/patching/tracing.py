@@ -299,7 +299,8 @@ def _raw(watched: Watched, seconds: float, exact: bool, failed: bool) -> Raw:
             float(facts[3]),
             float(facts[4]),
             float(facts[5]),
-            *facts[6:],
+            facts[6],
+            None if facts[7] is None else float(facts[7]),
         )
     return facts, seconds, watched.exact, exact, failed, allowed
 
