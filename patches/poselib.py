@@ -1,4 +1,4 @@
-"""PoseLib: the estimators of one kind of sample, up to 2.0.5.
+"""PoseLib: its estimators, up to 2.0.5.
 
 The rule is compiled in and assumes p**k up to 2.0.5, so the estimators are wrapped: see
 `ransac_fix.patching.missing`. PoseLib reports its iterations, and has a minimum of them: the
@@ -7,17 +7,19 @@ missing ones are drawn exactly, with another seed, and the model with the better
 The promise is the caller's ``success_prob``, once: PoseLib's own defaults of 1000 iterations at
 least, and of three times what its rule says (``dyn_num_trials_mult``), mostly keep it already.
 
-``estimate_generalized_absolute_pose`` draws a camera first and one of its points second, so its
-samples are not uniform: its chance is that of such draws. Passed through untouched:
-``estimate_generalized_relative_pose`` and ``estimate_hybrid_pose``, which mix samples of several
-kinds, and ``progressive_sampling``.
+Two samplers are not uniform, and the chance is that of their draws:
+``estimate_generalized_absolute_pose`` draws a camera first and one of its points second,
+``estimate_generalized_relative_pose`` draws five matches of one pair of cameras and one of another.
+
+Passed through untouched: ``progressive_sampling``, and ``estimate_hybrid_pose`` with matches to a
+map, where 2.0.5 draws points that do not exist.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 from ransac_fix.criterion import approximate_required_trials, required_trials
 from ransac_fix.errors import PatchNotApplicable
@@ -35,6 +37,8 @@ from ransac_fix.patching.missing import (
 __all__ = ["PATCH"]
 
 Result = tuple[Any, dict[str, Any]]
+Groups: TypeAlias = list[tuple[int, int]]
+"""Inliers and measurements of each group."""
 
 # PoseLib's own defaults.
 _CONFIDENCE, _MAX_ITERATIONS, _SEED = 0.9999, 100_000, 0
@@ -46,13 +50,66 @@ class _Estimator:
 
     sample_size: int
     position: int
-    by_camera: bool = False
+    # Of the inliers and measurements of each camera or pair, where samples are not uniform.
+    chance: Callable[[Groups], float] | None = None
+    # Where the matches to a map stand, for whose samples there is no law.
+    untouched_with: tuple[int, str] | None = None
+
+
+def _chance_by_camera(cameras: Groups) -> float:
+    """Return the chance that three draws give inliers only.
+
+    A draw takes a camera, then one of its points, and is repeated where that point was drawn
+    before: points are drawn without replacement, with weights 1 / (cameras x points of theirs).
+
+    Parameters
+    ----------
+    cameras : list of (int, int)
+        Inliers and points of each camera.
+    """
+    if any(n_samples == 0 for _, n_samples in cameras):
+        return 1.0  # such a camera would give no sample at all: nothing to promise
+    groups = [(inliers, 1.0 / (len(cameras) * n_samples)) for inliers, n_samples in cameras]
+    total = sum(inliers * weight for inliers, weight in groups)
+    chance = 0.0
+    for index, (inliers, weight) in enumerate(groups):
+        for other, (more, second) in enumerate(groups):
+            left = more - (other == index)
+            if inliers > 0 and left > 0 and weight + second < 1:
+                third = (total - weight - second) / (1 - weight - second)
+                chance += inliers * weight * left * second / (1 - weight) * max(third, 0.0)
+    return min(chance, 1.0)
+
+
+def _chance_by_pair(pairs: Groups) -> float:
+    """Return the chance that five draws from one pair and one from another give inliers only.
+
+    Any two pairs are as likely as any others, the first of them among those with five matches.
+
+    Parameters
+    ----------
+    pairs : list of (int, int)
+        Inliers and matches of each pair of cameras.
+    """
+    seconds = [inliers / n_samples for inliers, n_samples in pairs if n_samples > 0]
+    firsts = [
+        (math.comb(inliers, 5) / math.comb(n_samples, 5), inliers / n_samples)
+        for inliers, n_samples in pairs
+        if n_samples >= 5
+    ]
+    if not firsts or len(seconds) < 2:
+        return 1.0  # no sample at all: nothing to promise
+    total = math.fsum(seconds)
+    chance = math.fsum(five * (total - own) for five, own in firsts)
+    return min(chance / (len(firsts) * (len(seconds) - 1)), 1.0)
 
 
 _ESTIMATORS = {
     "estimate_absolute_pose": _Estimator(3, 3),
     "estimate_absolute_pose_pnpl": _Estimator(3, 7),
-    "estimate_generalized_absolute_pose": _Estimator(3, 4, by_camera=True),
+    "estimate_generalized_absolute_pose": _Estimator(3, 4, _chance_by_camera),
+    "estimate_generalized_relative_pose": _Estimator(6, 5, _chance_by_pair),
+    "estimate_hybrid_pose": _Estimator(3, 6, untouched_with=(2, "matches_2D_2D")),
     "estimate_relative_pose": _Estimator(5, 4),
     "estimate_shared_focal_relative_pose": _Estimator(6, 3),
     "estimate_fundamental": _Estimator(7, 2),
@@ -63,7 +120,7 @@ _ESTIMATORS = {
 
 def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., Any]:
     """Return the exact estimator."""
-    k, position = estimator.sample_size, estimator.position
+    k, position, apart = estimator.sample_size, estimator.position, estimator.untouched_with
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
@@ -71,6 +128,8 @@ def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., 
         options = options or {}
         first = _attempt(result, estimator)
         if first.n_samples <= k or options.get("progressive_sampling"):
+            return result
+        if apart is not None and len(args[apart[0]] if len(args) > apart[0] else kwargs[apart[1]]):
             return result
         confidence = options.get("success_prob", _CONFIDENCE)
         limit = options.get("max_iterations", _MAX_ITERATIONS)
@@ -117,8 +176,8 @@ def _attempt(result: Result, estimator: _Estimator) -> _Counted:
     inliers = info["inliers"]
     n_inliers, n_samples = info["num_inliers"], len(inliers)
     chance = None
-    if estimator.by_camera:
-        chance = _chance_by_camera([(sum(camera), len(camera)) for camera in inliers])
+    if estimator.chance is not None:
+        chance = estimator.chance([(sum(group), len(group)) for group in inliers])
         n_samples = sum(map(len, inliers))
     n_samples += len(info.get("inliers_lines", ()))
     return _Counted(result, n_inliers, info["iterations"], chance, n_samples)
@@ -129,31 +188,6 @@ def _is_better(new: Result, best: Result) -> bool:
     if new[1]["num_inliers"] == 0 or best[1]["num_inliers"] == 0:
         return bool(new[1]["num_inliers"] > best[1]["num_inliers"])
     return bool(new[1]["model_score"] < best[1]["model_score"])
-
-
-def _chance_by_camera(cameras: list[tuple[int, int]]) -> float:
-    """Return the chance that three draws give inliers only.
-
-    A draw takes a camera, then one of its points, and is repeated where that point was drawn
-    before: points are drawn without replacement, with weights 1 / (cameras x points of theirs).
-
-    Parameters
-    ----------
-    cameras : list of (int, int)
-        Inliers and points of each camera.
-    """
-    if any(n_samples == 0 for _, n_samples in cameras):
-        return 1.0  # such a camera would give no sample at all: nothing to promise
-    groups = [(inliers, 1.0 / (len(cameras) * n_samples)) for inliers, n_samples in cameras]
-    total = sum(inliers * weight for inliers, weight in groups)
-    chance = 0.0
-    for index, (inliers, weight) in enumerate(groups):
-        for other, (more, second) in enumerate(groups):
-            left = more - (other == index)
-            if inliers > 0 and left > 0 and weight + second < 1:
-                third = (total - weight - second) / (1 - weight - second)
-                chance += inliers * weight * left * second / (1 - weight) * max(third, 0.0)
-    return min(chance, 1.0)
 
 
 def observe(module: ModuleType) -> tuple[Replacement, ...]:

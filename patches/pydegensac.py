@@ -56,6 +56,8 @@ def _trials(
 
 def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
+    from numpy import count_nonzero  # a third of the time of `sum`
+
     parameters = inspect.signature(original).parameters
     names = tuple(parameters)
     defaults = {name: parameter.default for name, parameter in parameters.items()}
@@ -69,9 +71,12 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
             return result
 
         def attempt(found: Result, confidence: float, limit: float) -> Attempt[Result]:
-            n_inliers = int(found[1].sum())
+            n_inliers = int(count_nonzero(found[1]))
             trials = _trials(n_inliers, n_samples, sample_size, confidence, limit)
             return Attempt(found, n_inliers, trials)
+
+        def is_better(new: Result, best: Result) -> bool:
+            return bool(count_nonzero(new[1]) > count_nonzero(best[1]))
 
         first = attempt(result, confidence, limit)
         promise = Promise(n_samples, sample_size, confidence, limit)
@@ -87,7 +92,7 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
             changes = {"conf": 1.0, "max_iters": trials, "seed": new}
             return attempt(original(**{**settings, **changes}), 1.0, trials)
 
-        return complete(first, promise, run, lambda new, best: bool(new[1].sum() > best[1].sum()))
+        return complete(first, promise, run, is_better)
 
     return exact
 

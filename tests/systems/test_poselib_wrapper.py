@@ -3,12 +3,16 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import permutations
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import poselib
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from planted_views import CAMERA, Planted, chance_of_larger, likelihood_ratio, plant
 
 from ransac_fix import approximate_required_trials, patched, required_trials, status, unpatch
@@ -225,6 +229,86 @@ def test_generalized_absolute_pose_runs_what_its_sampler_needs() -> None:
     chance = patch_file._chance_by_camera(cameras)
     needed = math.ceil(math.log1p(-0.99) / math.log1p(-chance))
     assert sum(counts) == max(counts[0], needed)
+
+
+def test_generalized_relative_pose_runs_what_its_sampler_needs() -> None:
+    rng = np.random.default_rng(0)
+    sine, cosine = math.sin(0.2), math.cos(0.2)
+    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    matches, poses = [], []
+    for number, (n_inliers, n_samples) in enumerate([(7, 10), (4, 12)]):
+        pose = poselib.CameraPose()
+        pose.t = np.array([0.9 * number, 0.2 * number, 0.0])
+        points = rng.uniform((-2, -2, 4), (2, 2, 9), (n_samples, 3))
+        sides = []
+        for moved in (points, points @ turn.T + np.array([0.3, 0.1, 0.5])):
+            image = (moved + pose.t) @ CAMERA.T
+            sides.append(image[:, :2] / image[:, 2:])
+        sides[1][n_inliers:] = rng.uniform(0, 640, (n_samples - n_inliers, 2))
+        pair = poselib.PairwiseMatches()
+        pair.cam_id1 = pair.cam_id2 = number
+        pair.x1, pair.x2 = sides
+        matches.append(pair)
+        poses.append(pose)
+    counts: list[int] = []
+
+    def counting(*args: Any, **kwargs: Any) -> Any:
+        result = poselib.estimate_generalized_relative_pose(*args, **kwargs)
+        counts.append(result[1]["iterations"])
+        return result
+
+    name = "estimate_generalized_relative_pose"
+    exact = patch_file._wrap(counting, patch_file._ESTIMATORS[name])
+    cameras = poses, [PINHOLE] * 2
+    second_runs = 0
+    for seed in range(5):
+        counts.clear()
+        _, info = exact(matches, *cameras, *cameras, options(0.9, seed), {})
+        pairs = [(sum(inliers), len(inliers)) for inliers in info["inliers"]]
+        assert pairs == [(7, 10), (4, 12)]
+        needed = math.ceil(math.log(0.1) / math.log1p(-patch_file._chance_by_pair(pairs)))
+        assert sum(counts) == max(counts[0], needed)
+        second_runs += len(counts) > 1
+    assert second_runs
+
+
+@given(
+    st.lists(
+        st.integers(0, 9).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))),
+        min_size=2,
+        max_size=5,
+    )
+)
+def test_the_chance_of_five_matches_of_one_pair_and_one_of_another(
+    pairs: list[tuple[int, int]],
+) -> None:
+    chances = [
+        Fraction(math.comb(inliers, 5), math.comb(n_samples, 5)) * Fraction(others, of)
+        for (inliers, n_samples), (others, of) in permutations(pairs, 2)
+        if n_samples >= 5 and of > 0
+    ]
+    expected = sum(chances) / len(chances) if chances else 1
+    assert patch_file._chance_by_pair(pairs) == pytest.approx(float(expected), abs=1e-15)
+
+
+@pytest.mark.parametrize("matches", [[], ["a pair"]])
+def test_hybrid_pose_is_exact_without_matches_to_a_map(matches: list[str]) -> None:
+    planted = plant("pose", 14, (5, 6), 0)
+    counts = []
+
+    def counting(x: Any, points: Any, _: Any, *args: Any, **kwargs: Any) -> Any:
+        # With matches the library would read beyond its points.
+        result = poselib.estimate_hybrid_pose(x, points, [], *args, **kwargs)
+        counts.append(result[1]["iterations"])
+        return result
+
+    exact = patch_file._wrap(counting, patch_file._ESTIMATORS["estimate_hybrid_pose"])
+    no_cameras: list[Any] = []
+    settings = options(0.9, 1)
+    _, info = exact(planted.y, planted.x, matches, PINHOLE, [], no_cameras, settings, {})
+    needed = required_trials(info["num_inliers"], 14, 3, 0.9)
+    assert needed > counts[0]
+    assert sum(counts) == (counts[0] if matches else needed)
 
 
 def test_no_model_does_not_hang() -> None:
