@@ -36,6 +36,8 @@ _LIBRARY = native.Library(
 # As the constructor of SampleConsensus has them; a budget of 1000 runs one trial more.
 _DEFAULTS = Defaults(0.99, max_trials=1001, max_trials_name="max_iterations_")
 
+# Samples larger than this meet a group of one more than a sample seldom, beside a larger one.
+_LARGE_SAMPLE = 5
 # What a user writes, the driver's name, the planted problem, k with the measurements that choose
 # among the solver's solutions, and how many of those there are.
 _RANSAC = (
@@ -130,7 +132,7 @@ def _ransac() -> list[EntryPoint | Unmeasured]:
             _driven(driver, driven, _of_rig if of_rig else _sides),
             _DEFAULTS,
             counted=True,
-            spare=2 if verifying else 1,
+            spare=2 if verifying or k > _LARGE_SAMPLE else 1,
             verifying=verifying,
             n_strata=_CAMERAS if of_rig else 1,
         )
@@ -218,7 +220,7 @@ def _python(pyopengv: Any) -> list[EntryPoint | Unmeasured]:
             k,
             _called(getattr(pyopengv, function), arguments),
             _DEFAULTS,
-            spare=2 if verifying else 1,
+            spare=2 if verifying or k > _LARGE_SAMPLE else 1,
             verifying=verifying,
             typical_trials=_SHORT if k >= _SHORT_FROM else 2 * _SHORT,
         )

@@ -18,6 +18,7 @@ problem                    x                          y                         
 ``similarity``             (n, 2) pixel               (n, 2) pixel                2
 ``affine``                 (n, 2) pixel               (n, 2) pixel                3
 ``homography``             (n, 2) pixel               (n, 2) pixel                4
+``segments``               (n, 4) two pixels          (n, 4) two pixels           4
 ``fundamental``            (n, 2) pixel               (n, 2) pixel                7
 ``essential``              (n, 2) pixel               (n, 2) pixel                5
 ``absolute_pose``          (n, 3) world point         (n, 2) pixel                3

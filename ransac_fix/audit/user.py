@@ -25,6 +25,7 @@ SAMPLE_SIZES = {
     "similarity": 2,
     "affine": 3,
     "homography": 4,
+    "segments": 4,
     "fundamental": 7,
     "essential": 5,
     "absolute_pose": 3,
