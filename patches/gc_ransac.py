@@ -22,13 +22,12 @@ measured are refused too.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching import residuals
-from ransac_fix.patching.docstrings import documented_parameters
+from ransac_fix.patching.docstrings import documented_functions
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
 __all__ = ["PATCH"]
 
 _KNOWN_VERSION = "0.1.1"
+_NEEDED = ("threshold", "conf", "max_iters", "min_iters")
 _UNIFORM = 0
 _FIRST_SOLVER = 0
 # Where the squared residual is truncated, in squared thresholds.
@@ -169,25 +169,13 @@ def _wrap(
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:
     """Return what to replace: the five functions."""
-    try:
-        found = version("pygcransac")
-    except PackageNotFoundError:
-        found = "unknown"
-    if found != _KNOWN_VERSION:
-        raise PatchNotApplicable(f"the rule of release {found} was not measured")
-    replacements = []
-    for name, estimator in _ESTIMATORS.items():
-        original = own_function(module, name)
-        if original is None:
-            raise PatchNotApplicable(f"pygcransac has no {name}")
-        defaults = documented_parameters(original)
-        for parameter in (estimator.points, "threshold", "conf", "max_iters", "min_iters"):
-            if parameter not in defaults:
-                raise PatchNotApplicable(f"pygcransac.{name} takes no {parameter}")
-        exact = _wrap(original, estimator, defaults)
-        replacements.append(Replacement(holder=module, name=name, exact=exact))
+    needed = {name: (estimator.points, *_NEEDED) for name, estimator in _ESTIMATORS.items()}
+    known = documented_functions(module, _KNOWN_VERSION, needed)
     _check_masks(module)
-    return tuple(replacements)
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(original, _ESTIMATORS[name], defaults))
+        for name, (original, defaults) in known.items()
+    )
 
 
 def _check_masks(module: Any) -> None:

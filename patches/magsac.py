@@ -26,20 +26,17 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching import residuals
-from ransac_fix.patching.docstrings import documented_parameters
+from ransac_fix.patching.docstrings import documented_functions
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
     Promise,
     complete,
     missing_trials,
-    own_function,
     slack,
 )
 
@@ -220,24 +217,11 @@ def _wrap(
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:
     """Return what to replace: the four functions."""
-    try:
-        found = version("pymagsac")
-    except PackageNotFoundError:
-        found = "unknown"
-    if found != _KNOWN_VERSION:
-        raise PatchNotApplicable(f"the rule of release {found} was not measured")
-    replacements = []
-    for name, estimator in _ESTIMATORS.items():
-        original = own_function(module, name)
-        if original is None:
-            raise PatchNotApplicable(f"pymagsac has no {name}")
-        defaults = documented_parameters(original)
-        for parameter in _NEEDED:
-            if parameter not in defaults:
-                raise PatchNotApplicable(f"pymagsac.{name} takes no {parameter}")
-        exact = _wrap(original, estimator, defaults)
-        replacements.append(Replacement(holder=module, name=name, exact=exact))
-    return tuple(replacements)
+    known = documented_functions(module, _KNOWN_VERSION, dict.fromkeys(_ESTIMATORS, _NEEDED))
+    return tuple(
+        Replacement(holder=module, name=name, exact=_wrap(original, _ESTIMATORS[name], defaults))
+        for name, (original, defaults) in known.items()
+    )
 
 
 PATCH = LibraryPatch(

@@ -16,7 +16,7 @@ from planted_views import CAMERA
 from ransac_fix import required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patches import gc_ransac as patch_file
-from ransac_fix.patching import missing
+from ransac_fix.patching import docstrings, missing
 from ransac_fix.patching.docstrings import documented_parameters
 
 SHAPES = {"findRigidTransform": (4, 4), "findLine2D": (3,)} | dict.fromkeys(
@@ -98,10 +98,10 @@ def test_masks_that_are_all_true_and_unknown_releases_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module: Any = ModuleType("pygcransac")
-    monkeypatch.setattr(patch_file, "version", lambda _: "9.9")
+    monkeypatch.setattr(docstrings, "version", lambda _: "9.9")
     with pytest.raises(PatchNotApplicable, match=r"release 9\.9 was not measured"):
         patch_file.plan(module)
-    monkeypatch.setattr(patch_file, "version", lambda _: "0.1.1")
+    monkeypatch.setattr(docstrings, "version", lambda _: "0.1.1")
     with pytest.raises(PatchNotApplicable, match="has no findHomography"):
         patch_file.plan(module)
 

@@ -15,7 +15,7 @@ from planted_views import CAMERA, Planted, chance_of_larger, likelihood_ratio, p
 from ransac_fix import approximate_required_trials, patched, required_trials, status, unpatch
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patches import magsac as patch_file
-from ransac_fix.patching import missing
+from ransac_fix.patching import docstrings, missing
 
 
 @pytest.fixture(autouse=True)
@@ -161,7 +161,7 @@ def test_status_and_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
         state = next(s for s in status().systems if s.system == "magsac")
         assert state.state == "patched"
         assert len(state.sites) == len(patch_file._ESTIMATORS)
-    monkeypatch.setattr(patch_file, "version", lambda _: "9.9")
+    monkeypatch.setattr(docstrings, "version", lambda _: "9.9")
     with pytest.raises(PatchNotApplicable, match=r"release 9\.9 was not measured"):
         patch_file.plan(pymagsac)
     monkeypatch.undo()
