@@ -2,17 +2,19 @@
 
 Both rules assume p**k. Registration draws its sample *with replacement*, and a repeated
 correspondence makes it useless: the exact chance is I (I-1) ... (I-k+1) / n**k. Planes are
-segmented from distinct points. The rules are compiled in, so the functions are wrapped: see
-`ransac_fix.patching.missing`. The missing trials are drawn with a confidence of 1, which runs
-all that are asked for; the global generator goes on from call to call, so they are fresh
-samples, and a program that calls ``open3d.utility.random.seed`` repeats as far as Open3D's own
-threads do. The better result is the one with the higher fitness, then the smaller error.
+segmented from distinct points, those of a tensor cloud by the same code. The rules are compiled
+in, so the functions are wrapped: see `ransac_fix.patching.missing`. The missing trials are drawn
+with a confidence of 1, which runs all that are asked for; the global generator goes on from call
+to call, so they are fresh samples, and a program that calls ``open3d.utility.random.seed`` repeats
+as far as Open3D's own threads do. The better result is the one with the higher fitness, then the
+smaller error.
 
 How many trials Open3D ran it does not say, and its threads race. The wrapper takes the smallest
 number that its rule can have asked for.
 
-Passed through untouched: `registration_ransac_based_on_feature_matching` with the mutual
-filter, where the number of correspondences is not known outside.
+`registration_ransac_based_on_feature_matching` matches the features and registers the
+correspondences, of which it does not say how many there were. The wrapper takes the same two steps,
+with the functions that Open3D has for them, and features are matched once.
 
 There is nothing to repeat and too much noise in a race to look at the rule quickly, so releases
 other than those it was measured in are refused.
@@ -48,19 +50,13 @@ _COMMON = (
     "checkers",
     "criteria",
 )
-_NAMES = {
-    "registration_ransac_based_on_correspondence": ("source", "target", "corres", *_COMMON),
-    "registration_ransac_based_on_feature_matching": (
-        "source",
-        "target",
-        "source_feature",
-        "target_feature",
-        "mutual_filter",
-        *_COMMON,
-    ),
-}
+_FEATURES = "source_feature", "target_feature", "mutual_filter"
+_MATCHED = "source_features", "target_features", "mutual_filter"
+_FEATURE_NAMES = ("source", "target", *_FEATURES, *_COMMON)
+_CORRESPONDENCE_NAMES = ("source", "target", "corres", *_COMMON)
 _PLANE_NAMES = ("distance_threshold", "ransac_n", "num_iterations", "probability")
-_PLANE_CONFIDENCE = 0.99999999
+_PLANE_DEFAULTS = {"probability": 0.99999999}
+_TENSOR_PLANE_DEFAULTS = {"ransac_n": 3, "num_iterations": 100, "probability": 0.999}
 
 
 def _trials(
@@ -83,18 +79,15 @@ def _trials(
 def _wrap_registration(
     registration: Any, original: Callable[..., Any], names: tuple[str, ...]
 ) -> Callable[..., Any]:
-    """Return the exact registration."""
+    """Return the exact registration of correspondences."""
     defaults = registration.RANSACConvergenceCriteria()
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
         settings = {**dict(zip(names, args, strict=False)), **kwargs}
-        if settings.get("mutual_filter"):
-            return result
         criteria = settings.get("criteria", defaults)
         k = settings.get("ransac_n", 3)
-        pairs = settings["corres"] if "corres" in settings else settings["source"].points
-        n_samples = len(pairs)
+        n_samples = len(settings["corres"])
         n_inliers = len(result.correspondence_set)
         if not k <= n_inliers or n_samples <= k:  # no model: it has run to its limit, or not at all
             return result
@@ -120,15 +113,32 @@ def _wrap_registration(
     return exact
 
 
-def _wrap_segment_plane(original: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the exact method."""
+def _wrap_feature_matching(
+    original: Callable[..., Any], match: Callable[..., Any], register: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Return the exact registration of features: those that match are registered."""
+
+    def exact(*args: Any, **kwargs: Any) -> Any:
+        settings = {**dict(zip(_FEATURE_NAMES, args, strict=False)), **kwargs}
+        if not settings.keys() >= set(_FEATURES):
+            return original(*args, **kwargs)  # which says what is missing
+        features = [settings.pop(name) for name in _FEATURES]
+        return register(**settings, corres=match(*features))
+
+    return exact
+
+
+def _wrap_segment_plane(
+    original: Callable[..., Any], defaults: dict[str, Any], count: Callable[[Any], int]
+) -> Callable[..., Any]:
+    """Return the exact method of clouds whose points `count` counts."""
 
     def exact(self: Any, *args: Any, **kwargs: Any) -> Any:
         result = original(self, *args, **kwargs)
-        settings = {**dict(zip(_PLANE_NAMES, args, strict=False)), **kwargs}
-        confidence = settings.get("probability", _PLANE_CONFIDENCE)
+        settings = {**defaults, **dict(zip(_PLANE_NAMES, args, strict=False)), **kwargs}
+        confidence = settings["probability"]
         k, limit = settings["ransac_n"], settings["num_iterations"]
-        n_samples, n_inliers = len(self.points), len(result[1])
+        n_samples, n_inliers = count(self), len(result[1])
         if n_samples <= k or n_inliers == 0:
             return result
         trials = _trials(n_inliers, n_samples, k, confidence, limit, math.floor)
@@ -150,7 +160,7 @@ def _wrap_segment_plane(original: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: two functions and a method."""
+    """Return what to replace: two functions, and a method of two kinds of clouds."""
     version = str(getattr(module, "__version__", ""))
     try:
         known = _OLDEST <= Version(version) < _NEWEST
@@ -159,17 +169,35 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
     if not known:
         raise PatchNotApplicable(f"the rule of release {version or 'unknown'} was not measured")
     registration = module.pipelines.registration
-    cloud = module.geometry.PointCloud
-    replacements = []
-    for name, names in _NAMES.items():
-        original = _checked(registration, name, names)
-        exact = _wrap_registration(registration, original, names)
-        replacements.append(Replacement(holder=registration, name=name, exact=exact))
-    segment = _checked(cloud, "segment_plane", _PLANE_NAMES)
-    replacements.append(
-        Replacement(holder=cloud, name="segment_plane", exact=_wrap_segment_plane(segment))
+    cloud, tensor_cloud = module.geometry.PointCloud, module.t.geometry.PointCloud
+    by_pairs, by_features = (
+        f"registration_ransac_based_on_{what}" for what in ("correspondence", "feature_matching")
     )
-    return tuple(replacements)
+    original = _checked(registration, by_pairs, _CORRESPONDENCE_NAMES)
+    register = _wrap_registration(registration, original, _CORRESPONDENCE_NAMES)
+    match = _checked(registration, "correspondences_from_features", _MATCHED)
+    of_features = _checked(registration, by_features, _FEATURE_NAMES)
+    segment = _checked(cloud, "segment_plane", _PLANE_NAMES)
+    segment_tensor = _checked(tensor_cloud, "segment_plane", _PLANE_NAMES)
+    wrapped = (
+        (registration, by_pairs, register),
+        (registration, by_features, _wrap_feature_matching(of_features, match, register)),
+        (
+            cloud,
+            "segment_plane",
+            _wrap_segment_plane(segment, _PLANE_DEFAULTS, lambda cloud: len(cloud.points)),
+        ),
+        (
+            tensor_cloud,
+            "segment_plane",
+            _wrap_segment_plane(
+                segment_tensor,
+                _TENSOR_PLANE_DEFAULTS,
+                lambda cloud: len(cloud.point.positions),
+            ),
+        ),
+    )
+    return tuple(Replacement(holder=h, name=name, exact=exact) for h, name, exact in wrapped)
 
 
 def _checked(holder: Any, name: str, names: tuple[str, ...]) -> Callable[..., Any]:

@@ -28,8 +28,7 @@ class Criteria:
 
 
 REGISTRATION = SimpleNamespace(RANSACConvergenceCriteria=Criteria)
-CORRESPONDENCE = open3d._NAMES["registration_ransac_based_on_correspondence"]
-FEATURES = open3d._NAMES["registration_ransac_based_on_feature_matching"]
+CORRESPONDENCE = open3d._CORRESPONDENCE_NAMES
 
 
 @given(
@@ -90,24 +89,42 @@ def test_planes_are_segmented_from_distinct_points(
         runs.append(open3d._trials(*setting, math.floor))
         return np.zeros(4), list(range(n_inliers))
 
-    exact = open3d._wrap_segment_plane(counting)
+    exact = open3d._wrap_segment_plane(
+        counting, open3d._PLANE_DEFAULTS, lambda cloud: len(cloud.points)
+    )
     exact(SimpleNamespace(points=range(n_samples)), 0.1, 3, limit, probability=confidence)
     needed = required_trials(n_inliers, n_samples, 3, confidence)
     assert sum(runs) == max(runs[0], min(needed, limit))
 
 
-@pytest.mark.parametrize(("mutual", "runs_expected"), [(False, 2), (True, 1)])
-def test_feature_matching_counts_points_unless_it_filters(mutual: bool, runs_expected: int) -> None:
-    runs = []
+@pytest.mark.parametrize(("mutual", "n_samples"), [(False, 50), (True, 20)])
+def test_features_are_matched_once(mutual: bool, n_samples: int) -> None:
+    matched, runs = [], []
 
-    def counting(*args: Any, **kwargs: Any) -> Any:
-        runs.append(kwargs["criteria"])
+    def match(source_feature: Any, target_feature: Any, mutual_filter: bool) -> Any:
+        matched.append((source_feature, target_feature))
+        return range(20 if mutual_filter else 50)
+
+    def counting(*_args: Any, criteria: Criteria, **kwargs: Any) -> Any:
+        n = len(kwargs["corres"])
+        assert kwargs["max_correspondence_distance"] == 1.0
+        runs.append(open3d._trials(5, n, 3, criteria.confidence, criteria.max_iteration, math.ceil))
         return SimpleNamespace(correspondence_set=range(5), fitness=0.1, inlier_rmse=0.0)
 
-    exact = open3d._wrap_registration(REGISTRATION, counting, FEATURES)
-    source = SimpleNamespace(points=range(50))
-    exact(source, None, None, None, mutual, 1.0, criteria=Criteria(10**6, 0.9))
-    assert len(runs) == runs_expected
+    register = open3d._wrap_registration(REGISTRATION, counting, CORRESPONDENCE)
+    exact = open3d._wrap_feature_matching(counting, match, register)
+    exact(None, None, "s", "t", mutual, 1.0, criteria=Criteria(10**6, 0.9))
+    assert matched == [("s", "t")]
+    assert len(runs) == 2
+    assert sum(runs) == required_trials(5, n_samples, 3, 0.9, sampling="replacement")
+
+
+def test_what_is_missing_the_library_says() -> None:
+    def original(source: Any, target: Any) -> Any:
+        raise TypeError("no features")
+
+    with pytest.raises(TypeError, match="no features"):
+        open3d._wrap_feature_matching(original, original, original)(None, None)
 
 
 def test_the_better_result_wins() -> None:
