@@ -22,6 +22,16 @@ _INTERVAL_99 = 6.635
 # Standard deviations that no law may be off in any kind of run: one in 10^6 for a few kinds,
 # with room for runs on one fixed generator, which are not quite independent.
 _IMPOSSIBLE = 6.0
+# Share of the samples in a group from which it must be found to speak of a law of all of them.
+LEAST_FOUND = 0.25
+# For this k that is all but the same as draws with replacement: n^3 against (n + 1) n (n - 1).
+_ALIKE_BEYOND = 3
+# It can pass for a share found below this, too.
+_RARER = 0.75
+_BEYOND = (
+    "groups are hit as seldom as if there were one measurement more, so it draws an index beyond "
+    "the data"
+)
 
 
 Chances: TypeAlias = NDArray[np.float64]
@@ -81,8 +91,9 @@ def decide(
     Returns
     -------
     SamplerLaw
-        ``drawn`` is ``"undecided"`` while two laws are too close, and ``"not uniform"`` where
-        all of those known are impossible.
+        ``drawn`` is ``"undecided"`` while two laws are too close, or where the group is found
+        from so few of the samples in it that the law might be an accident; ``"not uniform"``
+        where all of those known are impossible, or an index beyond the data is drawn.
     """
     tally = _Tally([hit.case for hit in hits], hits, seeded)
     best, rival = tally.ranked(sample_size, verifying, n_strata, size_seen)
@@ -91,8 +102,10 @@ def decide(
     deviation, strayed = tally.deviation(best, verifying)
     if deviation > _IMPOSSIBLE:
         decided = "not uniform"
-    elif error > (LAST_ERROR_RATE if last else ERROR_RATE):
+    elif error > (LAST_ERROR_RATE if last else ERROR_RATE) or best.found < LEAST_FOUND:
         decided = "undecided"
+    elif best.beyond:
+        decided, strayed = "not uniform", _BEYOND
     drawing = best.drawing
     by_strata = drawing.drawn in ("stratified", "weighted")
     reference = drawing if by_strata else Drawing("distinct", drawing.sample_size)
@@ -206,7 +219,7 @@ def drawing_of(law: SamplerLaw) -> Drawing:
 # A group may be missed for other reasons than the draw, so nothing is quite impossible.
 _SURPRISE = 1e-4
 # The share of samples in the group from which it may be found.
-_FOUND = np.array([1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3])
+_FOUND = np.array([1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.03, 0.01])
 # A library that finds it from all of them is e^3 times as likely beforehand.
 _RARELY = 3.0
 _FACTORS = np.exp(np.arange(-250, 151) / 50)
@@ -221,24 +234,30 @@ _TURNS = 6
 
 @dataclass(frozen=True, slots=True)
 class _Law:
-    """A law with the shares that fit best, and its log-likelihood."""
+    """A law with the shares that fit best, and its log-likelihood.
+
+    `beyond` is how many indices there are beyond the data.
+    """
 
     likelihood: float
     drawing: Drawing
     verified: float
     found: float
+    beyond: int = 0
 
     def chances(self, cases: Sequence[Case], verifying: int) -> Chances:
         """Return the chance that one trial solves for the group, case by case."""
-        all_in = _chances(self.drawing, cases)
+        all_in = _chances(self.drawing, cases, self.beyond)
         if not verifying:
             return all_in
         solved = _chances(_without(self.drawing, verifying), cases)
         return (1 - self.verified) * all_in + self.verified * solved
 
 
-def _chances(drawing: Drawing, cases: Sequence[Case]) -> Chances:
-    return np.array([drawing.probability(case.strata or ((case.size, case.n),)) for case in cases])
+def _chances(drawing: Drawing, cases: Sequence[Case], beyond: int = 0) -> Chances:
+    return np.array(
+        [drawing.probability(case.strata or ((case.size, case.n + beyond),)) for case in cases]
+    )
 
 
 def _without(drawing: Drawing, verifying: int) -> Drawing:
@@ -257,6 +276,7 @@ class _Tally:
 
     def __init__(self, cases: Sequence[Case], hits: Sequence[Hit], seeded: bool) -> None:
         self.cases = list(dict.fromkeys(cases)) if hits else list(cases)
+        self._seeded = seeded
         found = Counter(hit.case for hit in hits if hit.hit)
         runs = Counter(hit.case for hit in hits)
         self.trials = np.array([case.trials for case in self.cases])
@@ -293,12 +313,24 @@ class _Tally:
                 ]
         laws.sort(key=lambda law: -law.likelihood)
         best = laws[0]
-        return best, next((law for law in laws if law.drawing != best.drawing), None)
+        rarer = best.drawing.drawn == "replacement" or best.found < _RARER
+        if rarer and self._seeded and n_strata == 1 and not verifying:
+            # An index beyond the data makes a sample as useless as one that comes twice.
+            for size in {sample_size, best.drawing.sample_size} - {_ALIKE_BEYOND}:
+                drawing = Drawing("distinct", size)
+                chances = _chances(drawing, self.cases, 1)
+                laws.append(self._likeliest(drawing, 0.0, chances, 1))
+            laws.sort(key=lambda law: -law.likelihood)
+            best = laws[0]
+        known = best.drawing, best.beyond
+        return best, next((law for law in laws if (law.drawing, law.beyond) != known), None)
 
-    def _likeliest(self, drawing: Drawing, verified: float, chances: Chances) -> _Law:
+    def _likeliest(
+        self, drawing: Drawing, verified: float, chances: Chances, beyond: int = 0
+    ) -> _Law:
         values = self._log_likelihoods(drawing, chances, _FOUND) - _RARELY * (_FOUND < 1)
         most = int(np.argmax(values))
-        return _Law(float(values[most]), drawing, verified, float(_FOUND[most]))
+        return _Law(float(values[most]), drawing, verified, float(_FOUND[most]), beyond)
 
     def _log_likelihoods(self, drawing: Drawing, chances: Chances, factors: Chances) -> Chances:
         """Return the log-likelihood of what was seen, every chance times each factor."""
@@ -323,7 +355,7 @@ class _Tally:
 
     def expected(self, law: _Law) -> float:
         """Return how many runs should hit if every sample in the group found it."""
-        chances = _chances(law.drawing, self.cases)
+        chances = _chances(law.drawing, self.cases, law.beyond)
         runs = self._hits + self._misses
         return float(runs @ -np.expm1(self.trials * np.log1p(-np.minimum(chances, 1 - 1e-12))))
 

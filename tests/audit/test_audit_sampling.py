@@ -10,6 +10,7 @@ from ransac_fix.audit.plan import case_pool, filter_cases, first_cases
 from ransac_fix.audit.sampling import (
     ERROR_RATE,
     LAST_ERROR_RATE,
+    LEAST_FOUND,
     Hit,
     accepted,
     decide,
@@ -67,6 +68,26 @@ def distinct(k):
 
 def replacement(k):
     return lambda rng, strata: rng.integers(0, len(strata), k)
+
+
+def beyond(k):
+    """Distinct indices from one more than there are: a sample with that one is useless."""
+
+    def draw(rng, strata):
+        sample = rng.permutation(len(strata) + 1)[:k]
+        return sample if sample.max() < len(strata) else np.zeros(k, int)
+
+    return draw
+
+
+def useless(k):
+    """Never a sample that gives a model."""
+    return lambda rng, strata: np.zeros(k, int)
+
+
+def missing(k, found):
+    """Distinct indices, of which a share gives the model only."""
+    return lambda rng, strata: rng.permutation(len(strata))[:k] * (rng.random() < found)
 
 
 def stratified(*quota):
@@ -189,6 +210,35 @@ def test_a_sampler_that_prefers_the_first_measurements_is_not_called_uniform():
         return rng.permutation(len(strata))[:4]
 
     assert simulate(draw, 4, seed=0).drawn == "not uniform"
+
+
+@pytest.mark.parametrize("k", [2, 4, 5, 7])
+def test_an_index_beyond_the_data_is_not_taken_for_replacement(k):
+    for seed in range(3):
+        found = simulate(beyond(k), k, seed)
+        assert (found.drawn, found.sample_size) == ("not uniform", k)
+        assert "an index beyond the data" in found.strayed
+        assert found.error <= ERROR_RATE
+
+
+@pytest.mark.parametrize("k", [2, 4])
+def test_no_law_is_named_where_nothing_is_found(k):
+    found = simulate(useless(k), k, seed=0, most=640)
+    assert (found.drawn, found.hits) == ("undecided", 0)
+    assert found.found < LEAST_FOUND
+
+
+def test_no_law_is_named_where_few_samples_find_the_group():
+    found = simulate(missing(4, 0.1), 4, seed=1)
+    assert found.drawn == "undecided"
+    assert found.hits > 0
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6, 0.9])
+def test_a_law_is_named_where_a_check_rejects_samples(share):
+    found = simulate(missing(4, share), 4, seed=2)
+    assert (found.drawn, found.sample_size) == ("distinct", 4)
+    assert found.found == pytest.approx(share, abs=0.11)
 
 
 @pytest.mark.parametrize("passed", [1.0, 0.4])
