@@ -8,7 +8,8 @@ import pytest
 from small_releases import EXACT, LIBRARY, PROBE, write_releases
 
 from ransac_fix.audit import session
-from ransac_fix.audit.model import Control, Verdict
+from ransac_fix.audit.controls import OUTCOME_CONTROLS
+from ransac_fix.audit.model import Control, OutcomeEvidence, Verdict
 from ransac_fix.audit.releases import matrix, packages
 from ransac_fix.audit.releases.matrix import (
     Asked,
@@ -133,6 +134,25 @@ def test_another_choice_is_another_result(measured, monkeypatch):
     chosen = replace(options(cache), options=Options((), sys.executable, quick=True))
     measure_releases([replace(ASKED, versions=("2.0",))], chosen)
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize("search", [measure_releases, find_changes])
+def test_verdicts_by_outcomes_are_proved_by_a_control_seen_so(small, monkeypatch, tmp_path, search):
+    """Also where the verdict was kept from an earlier run."""
+    evidence = OutcomeEvidence(3000, 1e-6, (), "law", (), None, -20.0)
+    verdict = Verdict("small", "fit_line", "2.0", "exact", "why", runs=1, outcomes=evidence)
+    monkeypatch.setattr(matrix, "audit_system", lambda *_: [verdict])
+    asked = []
+
+    def controls(_, laws=()):
+        asked.append(laws)
+        return (replace(CONTROL, name="by outcomes"),) if laws else (CONTROL,)
+
+    monkeypatch.setattr(matrix, "measure_controls", controls)
+    for _ in range(2):
+        report = search([replace(ASKED, versions=("2.0",))], options(tmp_path))
+        assert [control.name for control in report.controls] == ["exact", "by outcomes"]
+    assert asked == [(), OUTCOME_CONTROLS] * 2
 
 
 def test_environments_can_be_kept(measured, small, monkeypatch, tmp_path):

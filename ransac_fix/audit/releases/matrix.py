@@ -18,6 +18,8 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion, Version
 
+from ransac_fix.audit.controls import OUTCOME_CONTROLS
+from ransac_fix.audit.model import Control
 from ransac_fix.audit.releases.bisect import bisect
 from ransac_fix.audit.releases.environments import Environments
 from ransac_fix.audit.releases.model import Release, ReleaseReport, report_on
@@ -163,7 +165,8 @@ def measure_releases(
             controls = pool.submit(measure_controls, options.options)
             waiting = [pool.submit(bench.measure, *one) for one in dict.fromkeys(wanted)]
             releases = [one.result() for one in waiting]
-        return report_on(releases, controls.result(), time.monotonic() - started)
+        proved = _with_outcomes(controls.result(), releases, options.options)
+        return report_on(releases, proved, time.monotonic() - started)
 
 
 def find_changes(
@@ -207,7 +210,17 @@ def find_changes(
             if version not in {release.version for release in releases}
         ]
         releases = [release for of_one in found for release in of_one]
-        return report_on(releases, controls.result(), time.monotonic() - started, not_tried)
+        proved = _with_outcomes(controls.result(), releases, options.options)
+        return report_on(releases, proved, time.monotonic() - started, not_tried)
+
+
+def _with_outcomes(
+    controls: tuple[Control, ...], releases: Iterable[Release], options: Options
+) -> tuple[Control, ...]:
+    """Add the control that verdicts by outcomes rest on, where there are such."""
+    if any(verdict.outcomes for release in releases for verdict in release.verdicts):
+        return controls + measure_controls(options, OUTCOME_CONTROLS)
+    return controls
 
 
 class _Bench:
