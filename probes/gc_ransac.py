@@ -38,6 +38,9 @@ _PLAIN = {
     "lo_number": 0,
 }
 
+# Trials of a run where each takes long.
+_SHORT = 30
+
 Solve = Callable[[Planted, dict[str, Any]], Any]
 Agree = Callable[[Planted, Any], "NDArray[np.bool_]"]
 
@@ -113,7 +116,13 @@ def _entry_points(pygcransac: Any) -> list[EntryPoint | Unmeasured]:
         return run
 
     def entry_point(
-        name: str, problem: str, k: int, solve: Solve, agree: Agree, spare: int = 1
+        name: str,
+        problem: str,
+        k: int,
+        solve: Solve,
+        agree: Agree,
+        spare: int = 1,
+        typical_trials: int = 80,
     ) -> EntryPoint:
         return EntryPoint(
             f"{name}(sampler=0)",
@@ -123,12 +132,15 @@ def _entry_points(pygcransac: Any) -> list[EntryPoint | Unmeasured]:
             _DEFAULTS,
             repeatable=False,
             spare=spare,
+            typical_trials=typical_trials,
         )
 
     return [
         entry_point("findHomography", "homography", 4, homography, _with_homography),
-        entry_point("findFundamentalMatrix", "fundamental", 7, fundamental, _with_fundamental, 2),
-        entry_point("findEssentialMatrix", "essential", 5, essential, _with_essential, 2),
+        entry_point(
+            "findFundamentalMatrix", "fundamental", 7, fundamental, _with_fundamental, 2, _SHORT
+        ),
+        entry_point("findEssentialMatrix", "essential", 5, essential, _with_essential, 2, _SHORT),
         entry_point("find6DPose", "absolute_pose", 3, pose, _with_pose),
         entry_point("findRigidTransform", "rigid3d", 3, rigid, _with_motion),
         Unmeasured(

@@ -1,10 +1,12 @@
 """From laws to a verdict: whether the probability assumed is the probability drawn."""
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
 
 from ransac_fix.audit.defaults import rule_trials, standard_problems
-from ransac_fix.audit.drawing import Strata, spread, totals
-from ransac_fix.audit.laws import Fit, assumption, law_probability
+from ransac_fix.audit.direction import direction, strata_of
+from ransac_fix.audit.drawing import spread
+from ransac_fix.audit.laws import Fit, assumption
 from ransac_fix.audit.measure import Measurement
 from ransac_fix.audit.model import (
     DEFECTS,
@@ -17,8 +19,6 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.audit.sampling import drawing_of
 
-_EQUAL = 1e-9
-
 
 def judge(measured: Measurement) -> tuple[Judgement, str]:
     """Return the verdict on one entry point and its reason.
@@ -28,6 +28,8 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
     measured : Measurement
         The evidence.
     """
+    if measured.unmeasured:
+        return "not measured", measured.unmeasured
     defects = "; ".join(f"it {DEFECTS[defect]}" for defect in measured.defects)
     if defects and measured.fit.law is None:
         return "other rule", defects
@@ -58,10 +60,18 @@ def _judge_outcomes(
     """Judge what many runs returned: one law, or several that they cannot tell apart."""
     if found.law is None and found.rivals:
         laws = " and ".join(rival.formula for rival in found.rivals[:3])
-        return "not measured", f"undecided after {seen.runs:,} runs: {laws} may all be true"
+        return "not measured", (
+            f"undecided after {seen.runs:,} runs: {laws}, or a rule in which the confidence has no "
+            "effect, may be true"
+        )
     if found.law is None:
         if sampler.drawn == "undecided":
             return _judge_laws(found, sampler, ())
+        if seen.no_law <= -math.log(seen.error_rate):
+            return "not measured", (
+                f"undecided after {seen.runs:,} runs: {seen.likeliest} is the likeliest law, but "
+                "not a hundred times as likely as none"
+            )
         return "other rule", (
             f"no known law explains what {seen.runs:,} runs returned; the likeliest is "
             f"{seen.likeliest}"
@@ -110,23 +120,23 @@ def _judge_laws(found: Fit, sampler: SamplerLaw, points: Sequence[Point]) -> tup
         return "other rule", f"no known law passes through the points{implied}{odd}"
     if sampler.drawn == "not uniform":
         return "other rule", f"assumes P = {assumption(law)}, but {_odd(sampler)}"
-    direction = _compare(law, sampler, points)
+    way = direction(law, sampler, points)
     drawn = drawing_of(sampler).describe()
-    if direction == 0:
+    if way == 0:
         reason = f"assumes P = {assumption(law)}, and draws {drawn}"
         verdict: Judgement = "exact"
-    elif direction is None:
+    elif way is None:
         reason = (
             f"assumes P = {assumption(law)}, but draws {drawn}: now too few trials, now too many"
         )
-        if _n_strata(points) > 1:
+        if strata_of(points) > 1:
             reason += (
                 ", as the inliers fall into the strata: for instance "
                 f"{_consequence(law, sampler, points)}"
             )
         verdict = "other rule"
     else:
-        verdict = "undersamples" if direction > 0 else "oversamples"
+        verdict = "undersamples" if way > 0 else "oversamples"
         consequence = _consequence(law, sampler, points)
         reason = f"assumes P = {assumption(law)}, but draws {drawn}: {consequence}"
     if law.inlier_offset == 1 and law.assumed == sampler.drawn:
@@ -197,41 +207,11 @@ def _limits(at_defaults: AtDefaults, max_trials_name: str) -> list[str]:
     return parts
 
 
-def _compare(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> int | None:
-    """Return 1 where too much is assumed, -1 where too little, 0 for never, None for both."""
-    larger = smaller = False
-    drawing = drawing_of(sampler)
-    for strata in _problems(sampler.sample_size, points):
-        n_inliers, n = totals(strata)
-        if n_inliers <= sampler.sample_size:
-            continue
-        true = drawing.probability(strata)
-        assumed = law_probability(law, n_inliers, n, strata)
-        larger |= assumed > true * (1 + _EQUAL)
-        smaller |= assumed < true * (1 - _EQUAL)
-    if larger and smaller:
-        return None
-    return int(larger) - int(smaller)
-
-
-def _problems(sample_size: int, points: Sequence[Point]) -> Iterator[Strata]:
-    """Yield the problems measured, the standard ones, and some where truncation of I bites."""
-    for point in points:
-        yield point.strata or ((point.n_inliers, point.n),)
-    n_strata = _n_strata(points)
-    for n, n_inliers in (*standard_problems(sample_size), (22, 15), (44, 15), (49, 8), (98, 8)):
-        yield spread(n_inliers, n, n_strata)
-
-
-def _n_strata(points: Sequence[Point]) -> int:
-    return max([1, *(len(point.strata) for point in points)])
-
-
 def _consequence(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> str:
     """Say what the difference comes to on the first standard problem."""
     n, n_inliers = standard_problems(sampler.sample_size)[0]
     confidence = 0.99
-    n_strata = _n_strata(points)
+    n_strata = strata_of(points)
     strata = spread(n_inliers, n, n_strata)
     drawing = drawing_of(sampler)
     trials = rule_trials(law, strata, confidence)

@@ -12,6 +12,7 @@ from ransac_fix.criterion import all_inlier_probability
 # Runs that look at the sampler: at a time, and at most.
 _HELPING = 20
 _MOST_LOOKS = 2_560
+_LOOKS_IN_VAIN = 640
 _FEWEST_POINTS = 4
 _ENOUGH_POINTS = 6
 _STREAMS = 40
@@ -66,6 +67,8 @@ class Measurement:
         What the program does besides its law, or in place of one.
     outcomes : OutcomeEvidence or None
         The evidence in place of points, where runs can be neither repeated nor counted.
+    unmeasured : str
+        Why the rule cannot be measured; empty where it can.
     """
 
     sampler: SamplerLaw
@@ -75,6 +78,7 @@ class Measurement:
     discarded: dict[str, int]
     defects: tuple[Defect, ...] = ()
     outcomes: OutcomeEvidence | None = None
+    unmeasured: str = ""
 
 
 def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
@@ -180,11 +184,40 @@ def _by_outcomes(
     host: Asked, one: dict[str, Any], sampler: SamplerLaw, runs: int, seed: int
 ) -> Measurement:
     """Measure a rule that shows in nothing but how often runs return which model."""
+    unmeasured = _not_by_outcomes(one, sampler)
+    if unmeasured:
+        return Measurement(sampler, (), laws.Fit(None), runs, {}, unmeasured=unmeasured)
     decision = outcomes.decide(host, one, sampler, seed + 30_000)
     defects: tuple[Defect, ...] = () if decision.defect is None else (decision.defect,)
     return Measurement(
         sampler, (), decision.fit, runs + decision.runs, {}, defects, decision.evidence
     )
+
+
+def _not_by_outcomes(one: dict[str, Any], sampler: SamplerLaw) -> str:
+    """Say why outcomes cannot show the rule; empty where they can.
+
+    The laws give the chance of an outcome from that of a trial, which must be known but for a
+    common factor.
+    """
+    if one["verifying"]:
+        return (
+            f"runs can be neither repeated nor counted, and outcomes do not show the rule: "
+            f"{one['verifying']} of the {one['sample_size']} of a sample only choose among the "
+            "models of the others, so that models come from samples with clutter, too"
+        )
+    if sampler.drawn == "undecided":
+        return (
+            f"the sampler could not be told from {sampler.runs} runs ({sampler.hits} hits, "
+            f"{sampler.expected:g} expected)"
+        )
+    if sampler.drawn not in ("distinct", "replacement"):
+        return (
+            "runs can be neither repeated nor counted, and outcomes show the rule of uniform "
+            f"samples only; these are {sampler.drawn}"
+            f"{f': {sampler.strayed}' if sampler.strayed else ''}"
+        )
+    return ""
 
 
 def _never_ends(host: Asked, name: str, seed: int) -> tuple[bool, int]:
@@ -259,7 +292,8 @@ def sampler_law(
         hits += [sampling.Hit(case, hit) for case, hit in zip(cases, answer["hits"], strict=True)]
         runs += answer["runs"]
         law = sampling.decide(hits, k, **known)
-        if law.drawn != "undecided" or len(hits) >= _MOST_LOOKS:
+        most = _MOST_LOOKS if law.found >= sampling.LEAST_FOUND else _LOOKS_IN_VAIN
+        if law.drawn != "undecided" or len(hits) >= most:
             return law, runs
         cases = sampling.most_telling(hits, pool, k, max(_HELPING, len(hits) // 4), **known)
         if not cases:

@@ -80,6 +80,11 @@ class Evidence:
         self.calibrations: dict[Problem, Counts] = {}
         self.cells: dict[Problem, dict[float, Counts]] = {}
 
+    def runs(self) -> int:
+        """Return all runs so far."""
+        cells = [one for of_one in self.cells.values() for one in of_one.values()]
+        return sum(one.runs for one in (*self.calibrations.values(), *cells))
+
     def calibration(self, problem: Problem) -> Counts:
         """Return the runs with a fixed budget on this problem."""
         if problem not in self.calibrations:

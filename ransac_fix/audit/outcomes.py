@@ -24,6 +24,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ransac_fix.audit.direction import direction
 from ransac_fix.audit.laws import Candidate, Fit
 from ransac_fix.audit.model import (
     Defect,
@@ -49,16 +50,22 @@ from ransac_fix.audit.worker.streams import LARGEST_CONFIDENCE, confidence_of
 
 _DECIDED = -math.log(ERROR_RATE)
 _U: Array = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0])
-# Runs asked for at once, and in all.
+# Runs asked for at once, at least and as a share of those made, and in all.
 _BATCH = 24
+_BATCH_SHARE = 20
 _MOST_RUNS = 6_000
 _MOST_SECONDS = 45.0
+_ENOUGH_RUNS = 1_000
+_AGAIN = 1.5
 # Trials that take as long as starting a run does.
 _START = 400
 # What a problem that was not run before must make good, in nats.
 _NEW = 4.0
 # Information, in nats a run, below which two laws cannot be told apart.
 _NO_INFORMATION = 0.012
+_FEWEST_TRIALS = 6
+# Nats by which a law must be likelier than chances that follow none, to be named.
+_LIKELIER = math.log(100)
 
 
 class Asked(Protocol):
@@ -102,18 +109,21 @@ class _Planner:
 
     def _rate_on(self, problem: Problem, law: Hypothesis, rival: Hypothesis) -> Array:
         chances, fewest, length = [], np.full(len(_U), math.inf), np.zeros(len(_U))
+        shortest = np.full(len(_U), math.inf)
         for one in (law, rival):
             in_hand, without = trials_of(one, problem, self._sample_size, _U)
             p = chance_of_smaller(
                 problem, rounded(in_hand), rounded(without), np.array([1.0]), one.tested
             )
             chances.append(p[:, 0, :])
-            fewest = np.minimum(fewest, without)
+            fewest, shortest = np.minimum(fewest, without), np.minimum(shortest, in_hand)
             length = np.maximum(length, np.minimum(in_hand, problem.budget))
         # Runs that return neither say nothing.
         seen = -np.expm1(-np.minimum(fewest, 1e9) * (problem.smaller + problem.larger))
         information = seen * _information(chances[0][:, len(PHI) // 2], chances[1])
         information[information < _NO_INFORMATION] = 0.0
+        # Rounding hides the laws of runs of a few trials.
+        information[shortest < _FEWEST_TRIALS] = 0.0
         return np.asarray(information / (length + problem.fixed + 2 * _START))
 
     def best(
@@ -202,10 +212,16 @@ def decide(
     evidence = Evidence(laws, sampler.sample_size)
     choices = problems(sampler, one["typical_trials"], one["spare"], one["fewest_samples"])
     planner = _Planner(choices, sampler.sample_size)
-    runs, best = 0, 0
+    runs, best, settled = 0, 0, math.inf
+    verdicts = [_verdict(law, sampler) for law in laws]
     # The first runs tell the exact law from the approximate one.
     wanted = [(laws[1], _DECIDED)]
-    while runs < _MOST_RUNS and clock() - started < _MOST_SECONDS:
+    # Once all laws left mean the same verdict, half as many runs again, and some at any rate, go
+    # into telling them apart.
+    while (
+        runs < min(_MOST_RUNS, max(_ENOUGH_RUNS, _AGAIN * settled))
+        and clock() - started < _MOST_SECONDS
+    ):
         chosen = planner.best(laws[best], wanted, evidence.calibrations)
         if chosen is None and runs:
             # None of them can be told from the likeliest, but perhaps from each other.
@@ -223,16 +239,29 @@ def decide(
         missing = _DECIDED - (mean[best] - most)
         missing[best] = 0.0
         alive = np.flatnonzero(missing > 0)
-        if free - most[best] > _DECIDED or not len(alive):
+        # Until then it is the others that must fall.
+        others = [index for index in alive if verdicts[index] != verdicts[best]]
+        unlawful = free - most[best] > -_LIKELIER
+        settled = math.inf if others or unlawful else min(settled, runs)
+        if free - most[best] > _DECIDED or not (len(alive) or unlawful):
             break
-        wanted = [(laws[index], float(missing[index])) for index in alive]
+        wanted = [(laws[index], float(missing[index])) for index in others or alive]
+        # Where one is left that explains it no better than none does, all others are of use.
+        wanted = wanted or [(law, _DECIDED) for law in laws if law is not laws[best]]
     return _decision(evidence, runs)
+
+
+def _verdict(one: Hypothesis, sampler: SamplerLaw) -> tuple[object, ...]:
+    """Return what the verdict, and the words for it, depend on."""
+    law = one.law
+    return (one.defect,) if law is None else (direction(law, sampler), law.tested)
 
 
 def _ask(host: Asked, name: str, evidence: Evidence, problem: Problem, u: float, seed: int) -> int:
     """Have a batch run, with as many runs of a fixed budget where they are due."""
     calibration, cell = evidence.calibration(problem), evidence.cell(problem, u)
-    wanted = _BATCH + sum(other.runs for other in evidence.cells[problem].values())
+    batch = max(_BATCH, evidence.runs() // _BATCH_SHARE)
+    wanted = batch + sum(other.runs for other in evidence.cells[problem].values())
     # Where the share found is the same in all problems, all of these runs measure it.
     due = max(0, (wanted // 2 if evidence.alike() else wanted) - calibration.runs)
     shape = [problem.n, problem.group_size, problem.n_groups]
@@ -240,7 +269,7 @@ def _ask(host: Asked, name: str, evidence: Evidence, problem: Problem, u: float,
         "outcomes",
         entry_point=name,
         cases=[
-            [*shape, problem.budget, confidence_of(u), _BATCH],
+            [*shape, problem.budget, confidence_of(u), batch],
             [*shape, problem.fixed, LARGEST_CONFIDENCE, due],
         ],
         seed=seed,
@@ -259,7 +288,7 @@ def _decision(evidence: Evidence, runs: int) -> Decision:
     best = int(most.argmax())
     ahead = mean[best] - most
     ahead[best] = math.inf
-    rejected = bool(free - most[best] > _DECIDED)
+    rejected = bool(free - most[best] > -_LIKELIER)
     standing = [best, *np.flatnonzero(ahead < _DECIDED).tolist()]
     laws = [] if rejected else [evidence.laws[index] for index in sorted(standing)]
     # Of laws that such runs cannot tell apart the likelier beforehand stands for all.

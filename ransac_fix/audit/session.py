@@ -230,8 +230,18 @@ def chosen_probes(names: Iterable[str]) -> dict[str, Path]:
 
 def _slowest_first(name: str) -> int:
     """Put the systems that take longest first, so that no worker waits at the end."""
-    order = ("opencv", "kornia", "kornia-rs", "open3d", "scikit-learn", "scikit-image")
+    order = (
+        *("opencv", "opengv", "kornia", "gc-ransac", "magsac"),
+        *("kornia-rs", "open3d", "scikit-learn", "scikit-image"),
+    )
     return order.index(name) if name in order else len(order)
+
+
+def _longest_first(one: dict[str, Any]) -> tuple[bool, int]:
+    """Put entry points that take longest first: thousands of runs, then large samples."""
+    if "unmeasured" in one:
+        return True, 0
+    return one["repeatable"] or one["counted"], -one["sample_size"]
 
 
 class _Job:
@@ -265,7 +275,7 @@ class _Job:
             version = described["version"]
             self.done["-"] = Verdict(self.system, "-", version, "not measured", why)
         self.order = [one["name"] for one in listed]
-        self.waiting.extend(listed)
+        self.waiting.extend(sorted(listed, key=_longest_first))
 
     def verdicts(self) -> list[Verdict]:
         """Return the verdicts in the order of the probe."""

@@ -19,6 +19,19 @@ OUTCOMES_LEGEND = (
 _ROWS = 4
 
 
+def outcome_summary(evidence: OutcomeEvidence) -> str:
+    """Return the evidence in one line."""
+    smaller, larger, neither = (
+        sum(getattr(count, name) for count in evidence.counts)
+        for name in ("smaller", "larger", "neither")
+    )
+    return (
+        f"By outcomes: of {evidence.runs:,} runs {larger:,} returned the larger of two models, "
+        f"{smaller:,} the smaller, {neither:,} neither; error rate {evidence.error_rate:g} for "
+        "each law rejected."
+    )
+
+
 def outcome_lines(evidence: OutcomeEvidence, *, every_point: bool = False) -> "list[Text | Table]":
     """Return a table of the outcomes and a line on the likelihood ratios.
 

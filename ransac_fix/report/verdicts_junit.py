@@ -4,6 +4,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Control, Judgement, Report, Verdict
+from ransac_fix.report.outcomes_text import outcome_summary
 
 _FAILURE: Judgement = "undersamples"
 
@@ -51,7 +52,9 @@ def verdict_case(suite: Element, verdict: Verdict, failure: str | None = _JUDGED
     if failure is _JUDGED:
         failure = found if verdict.verdict == _FAILURE else None
     if failure is not None:
-        SubElement(case, "failure", message=failure).text = verdict.advice
+        evidence = "" if verdict.outcomes is None else outcome_summary(verdict.outcomes)
+        text = " ".join(filter(None, (verdict.advice, evidence)))
+        SubElement(case, "failure", message=failure).text = text
     elif verdict.verdict == "not measured":
         SubElement(case, "skipped", message=verdict.reason)
     elif verdict.verdict != "exact":

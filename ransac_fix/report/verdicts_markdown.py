@@ -3,6 +3,7 @@
 from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Report, Verdict
 from ransac_fix.report.markdown import escaped
+from ransac_fix.report.outcomes_text import outcome_summary
 
 MARKS = {
     "exact": "✅",
@@ -30,6 +31,8 @@ def verdicts_markdown(report: Report, surprises: Surprises | None = None) -> str
     for verdict in report.verdicts:
         if verdict.verdict != "exact":
             advice = f" {escaped(verdict.advice)}" if verdict.advice else ""
+            if verdict.outcomes is not None:
+                advice += f" {escaped(outcome_summary(verdict.outcomes))}"
             name = f"{verdict.system} {verdict.entry_point}"
             lines.append(f"- **{escaped(name)}**: {escaped(verdict.reason)}.{advice}")
     passed = sum(control.passed for control in report.controls)

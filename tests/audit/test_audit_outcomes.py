@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 from importlib.resources import files
 
 import jsonschema
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from ransac_fix.audit import control_probe, session
+from ransac_fix.audit import control_probe, outcomes, session
+from ransac_fix.audit import measure as measurement
 from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, OUTCOME_ZOO
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.laws import Candidate, Fit
@@ -25,6 +27,8 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.audit.outcome_laws import Hypothesis, Problem, chance_of_smaller, hypotheses
 from ransac_fix.report.verdicts_json import verdicts_json
+from ransac_fix.report.verdicts_junit import verdicts_junit
+from ransac_fix.report.verdicts_markdown import verdicts_markdown
 from ransac_fix.report.verdicts_text import print_verdicts
 
 DISTINCT = SamplerLaw("distinct", 4, 64, 64.3, 100, (0.8, 1.2))
@@ -103,6 +107,35 @@ def test_a_known_law_is_recognised_by_outcomes(name):
     assert seen == found.outcomes.runs
 
 
+@pytest.mark.parametrize(
+    ("described", "drawn", "reason"),
+    [
+        ({"verifying": 1}, "distinct", "1 of the 3 of a sample only choose among the models"),
+        ({}, "not uniform", "outcomes show the rule of uniform samples only; these are not unif"),
+        ({}, "stratified", "outcomes show the rule of uniform samples only; these are stratified"),
+        ({}, "undecided", "the sampler could not be told from 100 runs (64 hits, 64.3 expected)"),
+    ],
+)
+def test_outcomes_are_not_asked_where_chances_are_not_those_of_the_laws(
+    monkeypatch, described, drawn, reason
+):
+    """The rule is the exact one of the control; what its samples are is another matter."""
+    host = LocalHost(control_probe.entry_point(OUTCOME_CONTROLS[0]))
+    sampler = replace(DISTINCT, drawn=drawn)
+    monkeypatch.setattr(measurement, "sampler_law", lambda *_, **__: (sampler, 100))
+    monkeypatch.setattr(outcomes, "decide", pytest.fail)
+    verdict, why = judge(measure(host, {**host.described, **described}))
+    assert verdict == "not measured"
+    assert reason in why
+
+
+def test_a_law_no_likelier_than_none_is_not_named():
+    doubtful = replace(EVIDENCE, no_law=3.0)
+    verdict, reason = judge(Measurement(DISTINCT, (), Fit(None), 3844, {}, (), doubtful))
+    assert verdict == "not measured"
+    assert "not a hundred times as likely as none" in reason
+
+
 def test_laws_that_outcomes_cannot_tell_apart_are_named_together():
     found = Measurement(DISTINCT, (), Fit(APPROXIMATE.law, (ABOVE.law,)), 3844, {}, (), EVIDENCE)
     verdict, reason = judge(found)
@@ -139,6 +172,10 @@ def test_the_report_shows_the_counts_and_the_error_rate():
     assert "e^94.0 ln(1-s)/ln(1-C(I,4)/C(n,4))" in text
     assert "error rate 1e-06 each" in text
     assert "0.97, with 99 % confidence 0.86 to 1.1" in text
+
+    line = "of 3,744 runs 462 returned the larger of two models, 170 the smaller, 40 neither"
+    for write in (verdicts_markdown, verdicts_junit):
+        assert f"{line}; error rate 1e-06" in write(report).replace("\\", "")
 
     schema = files("ransac_fix.report").joinpath("schemas/audit.json").read_text()
     jsonschema.validate(json.loads(verdicts_json(report)), json.loads(schema))
