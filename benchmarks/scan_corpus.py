@@ -19,11 +19,12 @@ import csv
 import subprocess
 import zlib
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from ransac_fix.scan.files import LANGUAGES, SourceFile
 from ransac_fix.scan.findings import Finding
-from ransac_fix.scan.scanner import decode, scan_source
+from ransac_fix.scan.scanner import decode, scan_data, scan_source
 
 RULES = ("RFX001", "RFX002", "RFX003")
 Row = dict[str, str]
@@ -43,6 +44,10 @@ def content(mirror: Path, row: Row) -> bytes:
 def overlaps(finding: Finding, row: Row) -> bool:
     place = finding.location
     return place.start_line <= int(row["line_end"]) and place.end_line >= int(row["line_start"])
+
+
+def codes(findings: Iterable[Finding]) -> str:
+    return " ".join(f"{one.code}:{one.location.start_line}" for one in findings) or "nothing"
 
 
 def main() -> None:
@@ -66,6 +71,12 @@ def main() -> None:
         language = LANGUAGES[PurePosixPath(path).suffix.lower()]
         source = decode(data, language)
         found, errors = scan_source(source, SourceFile(path, language, named=True))
+        # The gates must lose nothing: neither a finding nor what it says.
+        ungated, _ = scan_source(source, SourceFile(path, language, named=True), gate=False)
+        gated = scan_data(data, SourceFile(path, language, named=False)).findings
+        if not found == ungated == gated:
+            total["gates"] += 1
+            print(f"GATES    {repo} {path}: {codes(gated)}, without them {codes(ungated)}")
         found = tuple(finding for finding in found if finding.code in RULES)
         counts: Counter[str] = Counter(files=1, unread=len(errors))
         for error in errors:
@@ -109,6 +120,7 @@ def main() -> None:
     for label in ("approx", "exact", "fixed", "negative"):
         print(f"rows {label}: {total[f'rows {label}']}")
     print(f"files: {total['files']}, unread: {total['unread']}")
+    print(f"files in which the gates change something: {total['gates']}")
     for name, count in sorted(certainties.items()) + sorted(samplers.items()):
         print(f"{name}: {count}")
 

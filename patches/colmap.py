@@ -10,9 +10,11 @@ The promise is the caller's ``confidence``, once: COLMAP's defaults of many tria
 of three times what its rule says, mostly keep it already. ``max_num_trials`` and what
 ``min_inlier_ratio`` makes of it are the limits.
 
-Passed through untouched: ``estimate_absolute_pose`` while it tries focal lengths, and what
-returns no inliers (``estimate_sim3d_robust``) or runs RANSAC inside a larger computation
-(two-view geometry, triangulation, the mapper).
+``estimate_sim3d_robust`` of 3.11.1 returns a transform and no inliers: they are counted as COLMAP
+does, points that it moves to within ``max_error`` of their match.
+
+Passed through untouched: ``estimate_absolute_pose`` while it tries focal lengths, and what runs
+RANSAC inside a larger computation (two-view geometry, triangulation, the mapper).
 """
 
 import copy
@@ -54,6 +56,7 @@ _ESTIMATORS = {
     "estimate_essential_matrix": _Estimator(5, 4),
     "estimate_absolute_pose": _Estimator(3, 3, _POSE),
     "estimate_and_refine_absolute_pose": _Estimator(3, 3, _POSE),
+    "estimate_sim3d_robust": _Estimator(3, 2),
 }
 
 
@@ -66,7 +69,6 @@ _INSIDE = (
     "estimate_generalized_relative_pose",
     "estimate_affine2d_robust",
     "estimate_rigid3d_robust",
-    "estimate_sim3d_robust",
     "estimate_triangulation",
     "verify_matches",
     "geometric_verification",
@@ -114,7 +116,16 @@ def _wrap(module: Any, original: Callable[..., Any], estimator: _Estimator) -> C
         limit = min(
             ransac.max_num_trials, _rule(ransac.min_inlier_ratio, k, confidence, multiplier)
         )
-        n_inliers = int(result["num_inliers"])
+
+        def count(found: Any) -> int:
+            if found is None:
+                return 0
+            if isinstance(found, dict):
+                return int(found["num_inliers"])
+            points = {**dict(zip(("src", "tgt"), args, strict=False)), **kwargs}
+            return _moved_close(found, points["src"], points["tgt"], ransac.max_error)
+
+        n_inliers = count(result)
         rule = _rule(n_inliers / n_samples, k, confidence, multiplier)
         trials = min(max(rule, ransac.min_num_trials), limit)
         if not missing_trials(n_inliers, n_samples, k, confidence, trials, limit, slack()):
@@ -128,16 +139,25 @@ def _wrap(module: Any, original: Callable[..., Any], estimator: _Estimator) -> C
                 again = original(*args[:position], settings, *args[position + 1 :], **kwargs)
             else:
                 again = original(*args, **{**kwargs, "estimation_options": settings})
-            return Attempt(again, 0 if again is None else int(again["num_inliers"]), trials)
+            return Attempt(again, count(again), trials)
 
         return complete(
             Attempt(result, n_inliers, trials),
             Promise(n_samples, k, confidence, limit),
             run,
-            lambda new, best: new is not None and new["num_inliers"] > best["num_inliers"],
+            lambda new, best: count(new) > count(best),
         )
 
     return exact
+
+
+def _moved_close(transform: Any, source: Any, target: Any, max_error: float) -> int:
+    """Return how many points a transform moves to within a distance of their match."""
+    import numpy as np
+
+    matrix = transform.matrix()
+    off = np.asarray(source) @ matrix[:, :3].T + matrix[:, 3] - np.asarray(target)
+    return int(np.count_nonzero(np.einsum("ij,ij->i", off, off) <= max_error**2))
 
 
 def _originals(module: ModuleType) -> dict[str, tuple[Callable[..., Any], _Estimator]]:

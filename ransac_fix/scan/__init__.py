@@ -10,7 +10,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 
 from ransac_fix.errors import RansacFixError
@@ -117,18 +116,19 @@ def scan_paths(
     )
     findings: list[Finding] = []
     new: set[bytes] = set()
-    options = _Options(codes, gate, cache, fix_style, python)
+    options = _Options(codes, gate, cache is not None, fix_style, python)
     done = 0
-    for batch in _scan_all(files, jobs, options, dask_scheduler):
+    known = frozenset[bytes]() if cache is None else _load(cache)
+    for batch in _scan_all(files, jobs, options, known, dask_scheduler):
         done += batch.files
         progress(done, len(files))
         findings += batch.findings
         errors += batch.errors
         new |= batch.empty
-    if cache is not None and not new <= _known(cache):
+    if cache is not None and not new <= known:
         from ransac_fix.scan.cache import save
 
-        save(cache, _known(cache) | new)
+        save(cache, known | new)
     findings.sort(
         key=lambda one: (one.location.path, one.location.start_line, one.location.start_column)
     )
@@ -181,7 +181,7 @@ def scan_text(
 class _Options:
     codes: tuple[str, ...]
     gate: bool
-    cache: Path | None
+    remember: bool
     fix_style: FixStyle
     python: str | None
 
@@ -210,8 +210,21 @@ def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
 
 
 def _scan_all(
-    files: Sequence[SourceFile], jobs: int, options: _Options, dask_scheduler: str | None
+    files: Sequence[SourceFile],
+    jobs: int,
+    options: _Options,
+    known: frozenset[bytes],
+    dask_scheduler: str | None,
 ) -> Iterator[_Batch]:
+    if known:
+        # Here, before any worker is started: to read and digest a file is less than to send it.
+        left: list[SourceFile] = []
+        for start in range(0, len(files), _BATCH):
+            batch = files[start : start + _BATCH]
+            unknown = _unknown(batch, options.codes, known)
+            left += unknown
+            yield _Batch(files=len(batch) - len(unknown))
+        files = left
     size = max(_BATCH, len(files) // 64)
     batches = [files[start : start + size] for start in range(0, len(files), size)]
     if dask_scheduler is None and (jobs == 1 or len(files) < _PARALLEL_FROM):
@@ -229,7 +242,7 @@ def _scan_all(
             return
         if not set(options.codes) <= default_codes():
             raise RansacFixError("RFX101 asks about this environment: leave it or --dask out")
-        options = replace(options, cache=None)
+        options = replace(options, remember=False)
         yield from parallel(
             joblib.delayed(_scan_sent)(_read_batch(batch, options), options) for batch in batches
         )
@@ -286,21 +299,18 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-@lru_cache(maxsize=1)
-def _known_at(path: Path, changed: int) -> frozenset[bytes]:
+def _load(path: Path) -> frozenset[bytes]:
     from ransac_fix.scan.cache import load
 
-    del changed
     return load(path)
 
 
-def _known(path: Path) -> frozenset[bytes]:
-    """Read the cache once a process, and again when it has changed."""
-    try:
-        changed = path.stat().st_mtime_ns
-    except OSError:
-        return frozenset()
-    return _known_at(path, changed)
+def _unknown(
+    files: Sequence[SourceFile], codes: tuple[str, ...], known: frozenset[bytes]
+) -> list[SourceFile]:
+    from ransac_fix.scan.scanner import is_known
+
+    return [file for file in files if not is_known(file, codes, known)]
 
 
 def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
@@ -308,12 +318,14 @@ def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:
     from ransac_fix.scan.scanner import scan_file
 
     rules = [find_rule(code) for code in options.codes]
-    known = None if options.cache is None else _known(options.cache)
+    remember = options.remember
     batch = _Batch(files=len(files))
     settings = Settings(options.fix_style, options.python)
     with _uncollected():
         for file in files:
-            outcome = scan_file(file, rules, gate=options.gate, known=known, settings=settings)
+            outcome = scan_file(
+                file, rules, gate=options.gate, remember=remember, settings=settings
+            )
             batch.findings.extend(outcome.findings)
             batch.errors.extend(outcome.errors)
             if outcome.digest is not None:

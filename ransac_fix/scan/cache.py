@@ -8,7 +8,7 @@ the language, the rules checked and this package's own source, so a cache never 
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -35,15 +35,22 @@ def _own_source() -> bytes:
     return digest.digest()
 
 
-def digest_of(file: SourceFile, data: bytes, codes: Sequence[str]) -> bytes:
+def digest_of(file: SourceFile, data: bytes, codes: tuple[str, ...]) -> bytes:
     """Digest all that the outcome for a file depends on."""
-    digest = hashlib.blake2b(data, digest_size=_SIZE)
     # Of a path only its kind and its words count.
-    speaks = words.speaks_strongly(file.path), words.speaks_weakly(file.path)
-    stub = file.path.endswith(".pyi")
-    digest.update(f"\0{file.language} {speaks} {stub} {','.join(codes)}".encode())
-    digest.update(_own_source())
+    path = file.path
+    speaks = words.speaks_strongly(path), words.speaks_weakly(path)
+    digest = hashlib.blake2b(data, digest_size=_SIZE)
+    digest.update(_context(file.language, file.named, path.endswith(".pyi"), speaks, codes))
     return digest.digest()
+
+
+@cache
+def _context(
+    language: str, named: bool, stub: bool, speaks: tuple[bool, bool], codes: tuple[str, ...]
+) -> bytes:
+    text = f"\0{language} {named} {stub} {speaks} {','.join(codes)}"
+    return text.encode() + _own_source()
 
 
 def load(path: Path) -> frozenset[bytes]:

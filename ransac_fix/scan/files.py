@@ -1,4 +1,4 @@
-# ruff: noqa: PTH100, PTH110, PTH112, PTH113, PTH116, PTH118, PTH120, PTH122 -- os.path, because
+# ruff: noqa: PTH100, PTH110, PTH112, PTH113, PTH116, PTH118, PTH119, PTH120 -- os.path, because
 # a scan asks it about tens of thousands of files and pathlib takes three times as long.
 """From the paths a user names to the files to scan.
 
@@ -108,18 +108,13 @@ def find_files(
             raise RansacFixError("cannot scan '': an empty path")
         if os.path.isdir(path):
             ignores = _ignores_above(path) if respect_gitignore else ()
-            for found in _walk(path, excluded, ignores, respect_gitignore, on_error):
-                try:
-                    status = os.stat(found)
-                except OSError as error:
-                    on_error(ScanError(found, _reason(error)))
-                    continue
+            for file, identity in _walk(path, excluded, ignores, respect_gitignore, on_error):
                 # A link to a file that was seen, or a folder named twice.
-                if (status.st_dev, status.st_ino) not in seen:
-                    seen.add((status.st_dev, status.st_ino))
-                    yield SourceFile(found, _language(found) or "python", named=False)
+                if identity not in seen:
+                    seen.add(identity)
+                    yield file
         elif os.path.exists(path):
-            language = _language(path)
+            language = _language(os.path.basename(path))
             if language is None:
                 raise RansacFixError(
                     f"cannot scan {path}: not a file that ransac-fix reads"
@@ -141,12 +136,16 @@ class _Excludes:
         rest = [pattern for pattern in patterns if pattern not in self._names]
         self._spec = pathspec.GitIgnoreSpec.from_lines(rest) if rest else None
 
-    def match(self, name: str, relative: str) -> bool:
-        return name in self._names or (self._spec is not None and self._spec.match_file(relative))
+    def match(self, name: str, path: str, root: str, *, folder: bool) -> bool:
+        if name in self._names or self._spec is None:
+            return name in self._names
+        relative = path[len(root) :].replace(os.sep, "/").lstrip("/") if root != "." else path
+        return self._spec.match_file(f"{relative}/" if folder else relative)
 
 
-def _language(path: str) -> str | None:
-    return LANGUAGES.get(os.path.splitext(path)[1].lower())
+def _language(name: str) -> str | None:
+    stem, dot, suffix = name.rpartition(".")
+    return LANGUAGES.get(f"{dot}{suffix.lower()}") if stem.strip(".") else None
 
 
 def _walk(
@@ -155,8 +154,11 @@ def _walk(
     ignores: tuple[_Ignores, ...],
     respect_gitignore: bool,
     on_error: Callable[[ScanError], None],
-) -> Iterator[str]:
-    """Walk one folder. Links to folders are not followed, so there are no loops."""
+) -> Iterator[tuple[SourceFile, tuple[int, int]]]:
+    """Walk one folder: its files, each with the numbers of its device and of itself.
+
+    Links to folders are not followed, so there are no loops.
+    """
     stack: list[tuple[str, tuple[_Ignores, ...]]] = [(root, ignores)]
     while stack:
         folder, above = stack.pop()
@@ -172,18 +174,23 @@ def _walk(
         folders: list[tuple[str, tuple[_Ignores, ...]]] = []
         for entry in listed:
             is_folder = entry.is_dir(follow_symlinks=False)
-            if not is_folder and _language(entry.name) is None:
+            language = None if is_folder else _language(entry.name)
+            if not is_folder and language is None:
                 continue
             path = os.path.join(folder, entry.name) if folder != "." else entry.name
-            relative = path[len(root) :].replace(os.sep, "/").lstrip("/") if root != "." else path
-            if excluded.match(entry.name, f"{relative}/" if is_folder else relative):
+            if excluded.match(entry.name, path, root, folder=is_folder):
                 continue
             if above and _is_ignored(os.path.abspath(path), above, folder=is_folder):
                 continue
-            if is_folder:
+            if language is None:
                 folders.append((path, above))
             elif entry.is_file():
-                yield path
+                try:
+                    status = os.stat(path)
+                except OSError as error:
+                    on_error(ScanError(path, _reason(error)))
+                    continue
+                yield SourceFile(path, language, named=False), (status.st_dev, status.st_ino)
         stack.extend(reversed(folders))
 
 

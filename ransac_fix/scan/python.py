@@ -84,14 +84,11 @@ class _Reader:
         return len(self._lines[line - 1][:column].decode("utf-8", "replace"))
 
     def _span(self, node: ast.expr | ast.stmt) -> Span:
-        end_line = node.end_lineno or node.lineno
-        end_column = node.end_col_offset or node.col_offset
-        return Span(
-            node.lineno,
-            self._column(node.lineno, node.col_offset),
-            end_line,
-            self._column(end_line, end_column),
-        )
+        line, column = node.lineno, node.col_offset
+        end_line, end_column = node.end_lineno or line, node.end_col_offset or column
+        if self._lines is not None:
+            column, end_column = self._column(line, column), self._column(end_line, end_column)
+        return Span(line, column, end_line, end_column)
 
     # ---- statements -----------------------------------------------------------------------
 

@@ -6,8 +6,9 @@ Nothing that is scanned is ever imported or run.
 import codecs
 import os
 import tokenize
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from ransac_fix.scan import evaluate, python, triage, words
 from ransac_fix.scan.cache import digest_of
@@ -41,16 +42,19 @@ FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
 
 def may_matter(data: bytes, rules: Sequence[Rule]) -> bool:
     """Whether a file's bytes could break one of the rules at all."""
-    # No rule does without a logarithm, or a power of a complement of a power. The gates lose
-    # nothing: tests run with and without them over real trees and compare.
-    logarithms = b"log" in data or b"Log" in data or b"ln(" in data
-    mathematics = logarithms or data.count(b"**") + data.count(b"pow") > 1
+    # The gates lose nothing: the benchmarks run with and without them over real trees and compare.
     lowered = data.lower()
-    if mathematics and words.in_lowered(lowered):
+    if words.in_lowered(lowered) and _does_mathematics(data):
         return True
     if any(rule.concerns(lowered) for rule in rules):
         return True
     return b"ransac-fix:" in data or b"RFX" in data  # a comment that may set nothing aside
+
+
+def _does_mathematics(data: bytes) -> bool:
+    """Whether a file takes logarithms, or powers of powers: no stopping rule does without."""
+    logarithms = b"log" in data or b"Log" in data or b"ln(" in data
+    return logarithms or data.count(b"**") + data.count(b"pow") > 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,12 @@ def read_file(file: SourceFile) -> bytes | ScanError:
         return _error(file, f"cannot be read: {error.strerror or error}")
 
 
+def is_known(file: SourceFile, codes: tuple[str, ...], known: frozenset[bytes]) -> bool:
+    """Whether a file holds what is known to break none of the rules."""
+    data = read_file(file)
+    return not isinstance(data, ScanError) and digest_of(file, data, codes) in known
+
+
 def is_gated(data: bytes, file: SourceFile, rules: Sequence[Rule]) -> bool:
     """Whether a file is set aside by its bytes alone."""
     return not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, rules)
@@ -81,7 +91,7 @@ def scan_file(
     rules: Sequence[Rule] | None = None,
     *,
     gate: bool = True,
-    known: frozenset[bytes] | None = None,
+    remember: bool = False,
     settings: Settings = DEFAULTS,
 ) -> FileResult:
     """Scan one file.
@@ -93,15 +103,15 @@ def scan_file(
         The rules to check; those that are checked by default.
     gate : bool
         Whether files and definitions are set aside by their text alone.
+    remember : bool
+        Whether to give the digest of a file that holds nothing.
     settings : Settings
         What the user chose of fixes and of the environment.
-    known : frozenset of bytes, optional
-        Digests of what is known to hold nothing; without it nothing is remembered.
     """
     data = read_file(file)
     if isinstance(data, ScanError):
         return FileResult(errors=(data,))
-    return scan_data(data, file, rules, gate=gate, known=known, settings=settings)
+    return scan_data(data, file, rules, gate=gate, remember=remember, settings=settings)
 
 
 def scan_data(
@@ -110,7 +120,7 @@ def scan_data(
     rules: Sequence[Rule] | None = None,
     *,
     gate: bool = True,
-    known: frozenset[bytes] | None = None,
+    remember: bool = False,
     settings: Settings = DEFAULTS,
 ) -> FileResult:
     """Scan what a file holds; the parameters are those of :func:`scan_file`."""
@@ -119,10 +129,8 @@ def scan_data(
         message = f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"
         return FileResult(errors=(_error(file, message),))
     digest: bytes | None = None
-    if known is not None:
-        digest = digest_of(file, data, [rule.code for rule in chosen])
-        if digest in known:
-            return FileResult(digest=digest)
+    if remember:
+        digest = digest_of(file, data, tuple(rule.code for rule in chosen))
     if gate and is_gated(data, file, chosen):
         return FileResult(digest=digest)
     try:
@@ -197,13 +205,10 @@ def _scan_python(
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
-    wanted = commented or _concerns_one(source, rules)
-    if (
-        gate
-        and not file.named
-        and not wanted
-        and (file.path.endswith(".pyi") or not triage.could_hold_a_rule(source))
-    ):
+    quiet = _quiet(source, rules) if gate else frozenset()
+    wanted = commented or any(rule.reads_everything and rule.code not in quiet for rule in rules)
+    stub = file.path.endswith(".pyi") and not commented  # it computes nothing
+    if gate and not file.named and (stub or not (wanted or triage.could_hold_a_rule(source))):
         return (), ()
     repaired = False
     try:
@@ -224,6 +229,7 @@ def _scan_python(
         bodies = set()
     module = python.read(tree, source, bodies)
 
+    @cache
     def whole() -> Module:
         return python.read(tree, source)
 
@@ -234,6 +240,7 @@ def _scan_python(
         file.path,
         rules,
         whole=whole,
+        quiet=quiet,
         comments=comments,
         language="python 2" if repaired else "python",
         settings=settings,
@@ -250,6 +257,7 @@ def check(
     rules: Sequence[Rule] | None = None,
     *,
     whole: Callable[[], Module] | None = None,
+    quiet: Collection[str] = (),
     comments: tuple[Comment, ...] = (),
     language: str = "python",
     settings: Settings = DEFAULTS,
@@ -266,6 +274,8 @@ def check(
         The rules to check; those that are checked by default.
     whole : callable, optional
         Gives the whole file, where ``module`` is a part of it.
+    quiet : collection of str
+        The rules that can find nothing here, by their code.
     comments : tuple of Comment
         Its comments, where one could set a finding aside.
     language, settings
@@ -279,7 +289,9 @@ def check(
     sites = read(module, text, path, whole)
     scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole, settings)
     chosen = default_rules() if rules is None else rules
-    found = [finding for rule in chosen for finding in rule.check(scanned)]
+    found = [
+        finding for rule in chosen if rule.code not in quiet for finding in rule.check(scanned)
+    ]
     kept, suppressed, unused = apply(found, suppressions(comments))
     # A comment for a rule that was not checked may well be needed.
     codes = {rule.code for rule in chosen}
@@ -331,9 +343,12 @@ def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> Fi
     return kept, errors
 
 
-def _concerns_one(source: str, rules: Sequence[Rule]) -> bool:
-    lowered = source.lower().encode("utf-8", "replace")
-    return any(rule.concerns(lowered) for rule in rules)
+def _quiet(source: str, rules: Sequence[Rule]) -> frozenset[str]:
+    """Give the rules that the text alone says can find nothing, of those that read all of it."""
+    lowered = source.encode("utf-8", "replace").lower()
+    return frozenset(
+        rule.code for rule in rules if rule.reads_everything and not rule.concerns(lowered)
+    )
 
 
 def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool) -> FileOutcome:

@@ -106,6 +106,8 @@ def relevant(tree: ast.Module, source: str) -> set[int] | None:
         return None
     _with_callers(chosen, every)
     _with_what_they_use(chosen, every, bodies, module)
+    if not any(_COMPLEMENT.search(body.text) for body in (module, *chosen.values())):
+        return None
     return set(chosen)
 
 
@@ -205,13 +207,11 @@ def _with_what_they_use(
     queue = [*chosen.values(), module]
     while queue:
         body = queue.pop()
-        names = body.calls & bodies.keys()
-        new = [one for name in names for one in bodies[name] if one.powers or one.logs]
+        # A ratio may be made of counts in a function that does no other mathematics.
+        new = [one for name in body.calls & bodies.keys() for one in bodies[name]]
         if body.reads:
             new += [one for one in every if not body.reads.isdisjoint(one.writes)]
         for one in new:
             if id(one.node) not in chosen:
                 chosen[id(one.node)] = one
-                # What an attribute is made of counts; what else its writer calls does not.
-                if one.powers or one.logs:
-                    queue.append(one)
+                queue.append(one)

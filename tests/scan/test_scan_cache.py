@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import joblib
 import pytest
 from click.testing import CliRunner
 
@@ -68,3 +69,30 @@ def test_the_command_has_one_and_can_do_without(tmp_path, monkeypatch):
     CliRunner().invoke(cli, ["scan", str(tmp_path / "a.py")])
     assert default_cache().is_relative_to(tmp_path / "home")
     assert len(load(default_cache())) == 1
+
+
+def test_a_warm_scan_starts_no_workers(tmp_path, monkeypatch):
+    for number in range(300):
+        (tmp_path / f"clean_{number}.py").write_text(f"{CLEAN}# {number}\n")
+    cache = tmp_path / "scanned"
+    first = scan_paths([tmp_path], cache=cache)
+
+    def none_are_wanted(*args, **options):
+        raise AssertionError("a worker was started")
+
+    monkeypatch.setattr(joblib, "Parallel", none_are_wanted)
+    done: list[tuple[int, int]] = []
+    again = scan_paths(
+        [tmp_path], jobs=2, cache=cache, progress=lambda *counts: done.append(counts)
+    )
+    assert again == first
+    assert done[-1] == (300, 300)
+    with pytest.raises(AssertionError, match="a worker"):
+        scan_paths([tmp_path], jobs=2)
+
+
+def test_a_named_file_is_not_known_from_a_folder(tmp_path):
+    (tmp_path / "broken.py").write_text("def (:\n")
+    cache = tmp_path / "scanned"
+    assert not scan_paths([tmp_path], cache=cache).errors
+    assert scan_paths([tmp_path / "broken.py"], cache=cache).errors

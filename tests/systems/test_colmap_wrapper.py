@@ -131,6 +131,43 @@ def test_a_model_is_kept_unless_a_later_one_has_more_inliers() -> None:
         assert result["which"] == (2 if kept == 6 else 1)
 
 
+def test_inliers_of_a_transform_are_counted_as_colmap_counts_them() -> None:
+    rng = np.random.default_rng(0)
+    options = pycolmap.RANSACOptions()
+    options.max_error = 0.08
+    for _ in range(20):
+        x = rng.normal(size=(60, 3))
+        y = 2 * x + np.array([1, 2, 3]) + rng.normal(size=x.shape) * 0.05
+        y[30:] = rng.normal(size=(30, 3)) * 3
+        found = pycolmap.estimate_sim3d_robust(x, y, options)
+        assert colmap._moved_close(found["tgt_from_src"], x, y, 0.08) == found["num_inliers"]
+
+
+@pytest.mark.parametrize("by_name", [False, True])
+def test_a_release_that_returns_a_transform_alone_draws_what_is_missing(by_name: bool) -> None:
+    x = np.random.default_rng(0).normal(size=(22, 3))
+    y = x.copy()
+    y[5:] += 9.0 + np.arange(17)[:, None]
+    runs = []
+
+    def counting(*_args: Any, **kwargs: Any) -> Any:
+        ransac = kwargs["estimation_options"]
+        rule = colmap._rule(5 / 22, 3, ransac.confidence, 1.0)
+        runs.append(min(max(rule, ransac.min_num_trials), ransac.max_num_trials))
+        return pycolmap.Sim3d()
+
+    options = pycolmap.RANSACOptions()
+    options.max_error, options.confidence, options.min_num_trials = 0.1, 0.9, 0
+    options.dyn_num_trials_multiplier, options.min_inlier_ratio = 1.0, 1e-6
+    exact = colmap._wrap(pycolmap, counting, colmap._ESTIMATORS["estimate_sim3d_robust"])
+    if by_name:
+        exact(tgt=y, src=x, estimation_options=options)
+    else:
+        exact(x, y, estimation_options=options)
+    assert len(runs) == 2
+    assert sum(runs) == required_trials(5, 22, 3, 0.9)
+
+
 def test_the_installed_release_is_exact_and_left_alone() -> None:
     before = pycolmap.estimate_homography_matrix
     with patched("colmap", threads=True):

@@ -101,12 +101,15 @@ class Rule(ABC):
     default: ClassVar[bool] = True
     """Whether it is checked unless asked for; others depend on more than the file itself."""
 
+    reads_everything: ClassVar[bool] = False
+    """Whether it looks at more than stopping rules; it is checked only where it ``concerns``."""
+
     @abstractmethod
     def check(self, file: ScannedFile) -> Iterator[Finding]:
         """Find the places of a file where the rule is broken."""
 
     def concerns(self, lowered: bytes) -> bool:
-        """Whether a file, in lower case, must be read for this rule without a stopping rule."""
+        """Whether a file, in lower case, could break a rule that reads everything."""
         del lowered
         return False
 

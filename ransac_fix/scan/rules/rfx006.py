@@ -14,6 +14,8 @@ _CONFIDENCE = re.compile(
     r"(?:stop_?|success_?|desired_?|wanted_?|ransac_?)?(?:confidence|conf|prob(?:ability)?)"
     r"|prob(?:ability)?_(?:of_)?success"
 )
+# Followed by parameters, of types or of values.
+_NAMED_SO = re.compile(rb"(?:ransac|consensus)\w*\s*[(\[]")
 
 
 class UnusedConfidence(Rule):
@@ -38,6 +40,7 @@ class UnusedConfidence(Rule):
     code = "RFX006"
     name = "unused-confidence"
     summary = "confidence that a RANSAC function takes and does not use"
+    reads_everything = True
     valid: ClassVar[dict[str, str]] = {
         "It is used.": """
 def ransac(points, fit, confidence=0.99):
@@ -74,10 +77,11 @@ class RansacPlane:
     }
 
     def concerns(self, lowered: bytes) -> bool:
-        """Ask for every file that defines something named after RANSAC and a probability."""
-        if b"ransac" not in lowered or (b"conf" not in lowered and b"prob" not in lowered):
+        """Ask for every file that may define something named after RANSAC and a probability."""
+        if b"ransac" not in lowered and b"consensus" not in lowered:
             return False
-        return re.search(rb"def \w*ransac\w*\s*\(", lowered) is not None
+        named = b"conf" in lowered or b"prob" in lowered
+        return named and _NAMED_SO.search(lowered) is not None
 
     def check(self, file: ScannedFile) -> Iterator[Finding]:
         """Find the parameters that nothing reads."""

@@ -90,6 +90,7 @@ class UndersamplingLibrary(Rule):
     code = "RFX101"
     name = "undersampling-library"
     summary = "call into a library that undersamples, in the release that is used"
+    reads_everything = True
     default = False
     valid: ClassVar[dict[str, str]] = {
         "Least squares draws nothing.": """

@@ -40,6 +40,7 @@ class MisplacedConfidence(Rule):
     code = "RFX102"
     name = "misplaced-confidence"
     summary = "confidence passed to OpenCV in the place of an array, where it is ignored"
+    reads_everything = True
     valid: ClassVar[dict[str, str]] = {
         "By name.": """
 import cv2
