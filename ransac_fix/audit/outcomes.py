@@ -242,7 +242,9 @@ def decide(
         # Until then it is the others that must fall.
         others = [index for index in alive if verdicts[index] != verdicts[best]]
         unlawful = free - most[best] > -_LIKELIER
-        settled = math.inf if others or unlawful else min(settled, runs)
+        # That a confidence has no effect is said only once no law is left.
+        early = bool(others) or unlawful or laws[best].defect is not None
+        settled = math.inf if early else min(settled, runs)
         if free - most[best] > _DECIDED or not (len(alive) or unlawful):
             break
         wanted = [(laws[index], float(missing[index])) for index in others or alive]
