@@ -62,8 +62,8 @@ class Options:
     prepare : str or None
         ``"module:function"``, called with the system's name in each worker before the library
         is imported; how a patched library is measured. It returns a function that gives, once the
-        library is imported, what counts the trials of its wrapped functions: see
-        `ransac_fix.patching.audited`. None where there are none.
+        library is imported, what counts the trials of its wrapped functions, or None, and why
+        its patch was refused, or nothing: see `ransac_fix.patching.audited`.
     preparable : frozenset of str
         The systems that `prepare` is called for; the others are measured as they are.
     problems : tuple of (n, I, s)
@@ -348,6 +348,9 @@ class _Crew:
                     raise WorkerFailed(one["unmeasured"])
                 wrapped = described["wrapped"]
                 verdict = _audit_entry_point(host, job.system, version, one, options, wrapped)
+                if described["refused"]:
+                    unpatched = f"Measured as it is: its patch was refused, {described['refused']}."
+                    verdict = replace(verdict, advice=f"{unpatched} {verdict.advice}".rstrip())
             except WorkerFailed as why:
                 verdict = Verdict(job.system, name, version, "not measured", str(why))
             job.done[name] = verdict

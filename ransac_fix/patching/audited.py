@@ -15,7 +15,7 @@ __all__ = ["counted", "patch_for_audit"]
 Counting = Callable[..., dict[str, Any] | None]
 
 
-def patch_for_audit(system: str) -> Callable[[], Counting | None]:
+def patch_for_audit(system: str) -> Callable[[], tuple[Counting | None, str]]:
     """Patch a system with a slack of 0, and return what to ask once its library is imported.
 
     Parameters
@@ -27,16 +27,18 @@ def patch_for_audit(system: str) -> Callable[[], Counting | None]:
     -------
     callable
         Gives `counted` where the functions are wrapped, so that missing trials are drawn on
-        fresh samples and no point of the rule lies on one random stream. None where the rule
-        itself can be measured, exact already or replaced.
+        fresh samples and no point of the rule lies on one random stream; None where the rule
+        itself can be measured, exact already or replaced. And why the library runs as it is,
+        where its patch was refused; empty else.
     """
     missing.set_slack(0.0)
     patch(system)
 
-    def how() -> Counting | None:
-        state = next(one.state for one in status().systems if one.system == system)
-        wraps = state == "patched" and discover().patches[system].wraps
-        return counted if wraps else None
+    def how() -> tuple[Counting | None, str]:
+        one = next(one for one in status().systems if one.system == system)
+        wraps = one.state == "patched" and discover().patches[system].wraps
+        refused = one.state in ("refused", "broken")
+        return counted if wraps else None, one.reason if refused else ""
 
     return how
 

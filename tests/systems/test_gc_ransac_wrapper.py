@@ -94,7 +94,7 @@ def test_parameters_are_read_from_the_docstring() -> None:
     assert documented_parameters(len) == {}
 
 
-def test_masks_that_are_all_true_and_unknown_releases_are_refused(
+def test_masks_that_say_nothing_and_unknown_releases_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module: Any = ModuleType("pygcransac")
@@ -105,15 +105,20 @@ def test_masks_that_are_all_true_and_unknown_releases_are_refused(
     with pytest.raises(PatchNotApplicable, match="has no findHomography"):
         patch_file.plan(module)
 
+    mask = np.ones(20, bool)
     for name, estimator in patch_file._ESTIMATORS.items():
 
         def find(*args: Any, **kwargs: Any) -> Any:
-            return np.ones(3), np.ones(20, bool)
+            return np.ones(3), mask
 
         find.__doc__ = (
             f"{name}({estimator.points}: array, threshold: float = 1.0, conf: float = 0.99,"
             " max_iters: int = 1, min_iters: int = 50) -> tuple"
         )
         setattr(module, name, find)
-    with pytest.raises(PatchNotApplicable, match="masks are all true"):
-        patch_file.plan(module)
+    for value in (True, False):
+        mask[:] = value
+        with pytest.raises(PatchNotApplicable, match="masks do not show the inliers"):
+            patch_file.plan(module)
+    mask[:] = np.arange(20) % 4 > 0
+    assert len(patch_file.plan(module)) == len(patch_file._ESTIMATORS)

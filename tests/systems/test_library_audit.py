@@ -33,6 +33,22 @@ def patched():
     )
 
 
+def test_a_refused_patch_is_reported_beside_the_verdict_on_the_bare_library():
+    # With NumPy 2 nothing can be read from the masks of this library.
+    report = audit(
+        Options(
+            ("gc-ransac",),
+            sys.executable,
+            prepare="ransac_fix.patching.audited:patch_for_audit",
+            preparable=frozenset({"gc-ransac"}),
+            entry_points=("findRigidTransform*",),
+        )
+    )
+    verdict = verdict_on(report, "gc-ransac")
+    assert verdict.verdict == "undersamples"
+    assert "its patch was refused, with NumPy 2" in verdict.advice
+
+
 def test_wrapped_libraries_are_proved_by_their_trials_and_outcomes():
     names = ("poselib", "pydegensac", "kornia-rs", "theia", "opencv", "colmap")
     report = audit(

@@ -60,13 +60,14 @@ class Worker:
         if library is None:
             return {"system": self.probe.system, "installed": False}
         listed = self.probe.entry_points(library)
-        self.counted = None if how is None else how()
+        self.counted, refused = (None, "") if how is None else how()
         self.entry_points = {one.name: one for one in listed if isinstance(one, EntryPoint)}
         return {
             "system": self.probe.system,
             "installed": True,
             "version": self._version(library),
             "wrapped": self.counted is not None,
+            "refused": refused,
             "entry_points": [described(one) for one in listed],
         }
 
