@@ -67,6 +67,12 @@ REPORT = report_on(
 # --- results -------------------------------------------------------------------------------
 
 
+def test_a_reason_names_no_file_of_an_environment_that_is_gone():
+    why = "ImportError: cannot import name 'a' from 'b'"
+    broken = replace(verdict("not measured"), reason=f"{why} (/cache/environments-1/b.py)")
+    assert matrix._first_reason(release("0.9", broken)) == why
+
+
 def test_what_may_be_another_tomorrow_is_not_kept(tmp_path):
     results = Results(tmp_path)
     slow = replace(verdict("not measured"), reason=f"{NO_ANSWER} (60 s)")

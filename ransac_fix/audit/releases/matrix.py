@@ -341,10 +341,12 @@ def _has_entry_points(release: Release) -> bool:
 
 
 def _first_reason(release: Release) -> str:
-    return next(
+    reason = next(
         (verdict.reason for verdict in release.verdicts),
         "it does not hold the module that the probe imports",
     )
+    # The file that an ImportError names lies in an environment that is gone by then.
+    return re.sub(r" \(/[^()]*\)$", "", reason)
 
 
 def _has_new_numpy(release: Release) -> bool:
