@@ -21,8 +21,6 @@ from ransac_fix.scan.source import (
     Signature,
     Source,
     Standing,
-    is_inside,
-    names_in,
 )
 
 Node = tree_sitter.Node
@@ -132,6 +130,8 @@ _FUNCTIONS = frozenset(("function_definition", "lambda_expression"))
 
 class CppSource(Source):
     """A C, C++ or CUDA file."""
+
+    comment_marks = ("//", "/*")
 
     def __init__(self, text: Text, path: str) -> None:
         super().__init__(text)
@@ -522,40 +522,25 @@ class CppSource(Source):
             "  " if sum(one % 4 == 2 for one in spaces) * 4 > len(spaces) or not spaces else "    "
         )
 
-    def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
-        """Take away the variables of a function that are used in ``place`` only."""
-        dead = [place]
-        kept = set(re.findall(r"\w+", new))
+    def sole_definition(self, name: str, place: Span) -> tuple[Span, tuple[Span, ...]] | None:
+        """Find the one declaration of a variable of the function around ``place``."""
         above = _ancestors(self._node(place))
         function = next((one for one in above if one.type in _FUNCTIONS), None)
-        edits: list[Edit] = []
-        for name in dict.fromkeys(names_in(expr)):
-            if function is None or "." in name or name in kept:
-                continue
-            found = [node for node, own in _declared(function) if self._text(own) == name]
-            uses = [
-                self._span(node)
-                for node in _walk(function)
-                if node.type == "identifier" and self._text(node) == name
-            ]
-            if len(found) != 1 or found[0].type != "declaration" or not uses:
-                continue
-            own = self._span(found[0])
-            everywhere = (*dead, own)
-            if not all(any(is_inside(use, one) for one in everywhere) for use in uses):
-                continue
-            alone = len(found[0].children_by_field_name("declarator")) == 1
-            in_block = found[0].parent is not None and found[0].parent.type == "compound_statement"
-            if not alone or not in_block or not self._only_looks(found[0]):
-                continue
-            rest = self.text.lines[own.end_line - 1][own.end_column :].strip()
-            lead = self.text.lines[own.line - 1][: own.column].strip()
-            if lead or (rest and not rest.startswith(("//", "/*"))):
-                continue
-            gone = Span(own.line, 0, own.end_line + 1, 0) if not rest else own
-            dead.append(own)
-            edits.append(self.edit(gone, "", path))
-        return tuple(edits)
+        if function is None or "." in name:
+            return None
+        found = [node for node, own in _declared(function) if self._text(own) == name]
+        uses = tuple(
+            self._span(node)
+            for node in _walk(function)
+            if node.type == "identifier" and self._text(node) == name
+        )
+        if len(found) != 1 or found[0].type != "declaration" or not uses:
+            return None
+        alone = len(found[0].children_by_field_name("declarator")) == 1
+        in_block = found[0].parent is not None and found[0].parent.type == "compound_statement"
+        if not alone or not in_block or not self._only_looks(found[0]):
+            return None
+        return self._span(found[0]), uses
 
     # ---- signatures -----------------------------------------------------------------------
 

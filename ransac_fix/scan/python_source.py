@@ -16,8 +16,6 @@ from ransac_fix.scan.source import (
     Signature,
     Source,
     Standing,
-    is_inside,
-    names_in,
 )
 
 HELPER = "_all_inlier_probability"
@@ -51,6 +49,8 @@ _Definition = ast.FunctionDef | ast.AsyncFunctionDef
 
 class PythonSource(Source):
     """A Python module, or the cells of a notebook."""
+
+    comment_marks = ("#",)
 
     def __init__(
         self, text: Text, *, style: FixStyle = "self-contained", cells: Sequence[int] | None = None
@@ -149,45 +149,28 @@ class PythonSource(Source):
         blank = "" if line == top or not lines[line - 2].strip() else "\n\n"
         return self.edit(Span(line, 0, line, 0), f"{blank}{_HELPER_SOURCE}\n\n", path)
 
-    def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
-        """Take away the assignments in a function of what is used in ``place`` only."""
-        dead = [place]
-        kept = set(re.findall(r"\w+", new))
+    def sole_definition(self, name: str, place: Span) -> tuple[Span, tuple[Span, ...]] | None:
+        """Find the one assignment to a variable of the function around ``place``."""
         function = self._flow.function_at(place)
         if function is None:
-            return ()  # a name of the module may be used anywhere
-        edits: list[Edit] = []
-        for name in dict.fromkeys(names_in(expr)):
-            if name in kept:
-                continue
-            written = [
-                node
-                for node in ast.walk(function)
-                if isinstance(node, ast.Assign | ast.AnnAssign)
-                and any(isinstance(one, ast.Name) and one.id == name for one in _targets(node))
-            ]
-            uses = [
-                self._span(node)
-                for node in ast.walk(function)
-                if isinstance(node, ast.Name) and node.id == name
-            ]
-            if len(written) != 1 or len(_targets(written[0])) != 1:
-                continue
-            (statement,) = written
-            own = self._span(statement)
-            everywhere = (*dead, own)
-            if not all(any(is_inside(use, one) for one in everywhere) for use in uses):
-                continue
-            if not self._flow.may_go(statement) or not _only_looks(statement.value):
-                continue
-            rest = self.text.lines[own.end_line - 1][own.end_column :].strip()
-            lead = self.text.lines[own.line - 1][: own.column].strip()
-            if lead or (rest and not rest.startswith("#")):
-                continue
-            gone = Span(own.line, 0, own.end_line + 1, 0) if not rest else own
-            dead.append(own)
-            edits.append(self.edit(gone, "", path))
-        return tuple(edits)
+            return None  # a name of the module may be used anywhere
+        written = [
+            node
+            for node in ast.walk(function)
+            if isinstance(node, ast.Assign | ast.AnnAssign)
+            and any(isinstance(one, ast.Name) and one.id == name for one in _targets(node))
+        ]
+        if len(written) != 1 or len(_targets(written[0])) != 1:
+            return None
+        (statement,) = written
+        if not self._flow.may_go(statement) or not _only_looks(statement.value):
+            return None
+        uses = tuple(
+            self._span(node)
+            for node in ast.walk(function)
+            if isinstance(node, ast.Name) and node.id == name
+        )
+        return self._span(statement), uses
 
     # ---- signatures -----------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, FixStyle, Location
@@ -82,6 +82,9 @@ class Signature:
 class Source(ABC):
     """A file that may be fixed."""
 
+    comment_marks: ClassVar[tuple[str, ...]]
+    """What begins a comment."""
+
     def __init__(self, text: Text) -> None:
         self.text = text
 
@@ -111,11 +114,11 @@ class Source(ABC):
         """Find what changes with a parameter of a function, or say why it cannot change."""
 
     @abstractmethod
-    def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
-        """Take away the definitions in ``expr`` of what is used in ``place`` only, and not in new.
+    def sole_definition(self, name: str, place: Span) -> tuple[Span, tuple[Span, ...]] | None:
+        """Find the one statement that defines a variable of the function around ``place``.
 
-        ``place`` is where ``new`` will stand. What the power was made of is used by nothing then,
-        and compilers and linters warn of that.
+        Returns its place and those of all uses of the variable, the definition's own among them;
+        None where there is no such statement, or where it does more than that.
         """
 
     @abstractmethod
@@ -136,6 +139,31 @@ class Source(ABC):
         """Give the edits that make a sampler draw distinct samples, or say why there are none."""
         del draw, path
         return "the sampler has no form that draws distinct samples"
+
+    def unused_without(self, expr: Expr, place: Span, new: str, path: str) -> tuple[Edit, ...]:
+        """Take away the definitions in ``expr`` of what is used in ``place`` only, and not in new.
+
+        ``place`` is where ``new`` will stand. What the power was made of is used by nothing then,
+        and compilers and linters warn of that.
+        """
+        dead = [place]
+        kept = set(re.findall(r"\w+", new))
+        edits: list[Edit] = []
+        for name in dict.fromkeys(names_in(expr)):
+            found = None if name in kept else self.sole_definition(name, place)
+            if found is None:
+                continue
+            own, uses = found
+            if not all(any(is_inside(use, one) for one in (*dead, own)) for use in uses):
+                continue
+            rest = self.text.lines[own.end_line - 1][own.end_column :].strip()
+            lead = self.text.lines[own.line - 1][: own.column].strip()
+            if lead or (rest and not rest.startswith(self.comment_marks)):
+                continue
+            gone = Span(own.line, 0, own.end_line + 1, 0) if not rest else own
+            dead.append(own)
+            edits.append(self.edit(gone, "", path))
+        return tuple(edits)
 
     def spell(self, expr: Expr) -> str | None:
         """Spell an expression as the file does, without what makes a float of a count."""
