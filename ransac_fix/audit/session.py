@@ -113,8 +113,8 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
         for member in members:
             member.result()
         controls = controls_running.result()
-    if any(verdict.outcomes for job in crew.jobs for verdict in job.verdicts()):
-        controls += measure_controls(options, OUTCOME_CONTROLS)
+    measured = [verdict for job in crew.jobs for verdict in job.verdicts()]
+    controls += controls_by_outcomes(measured, options)
     verdicts: list[Verdict] = []
     missing: list[str] = []
     for job in crew.jobs:
@@ -147,8 +147,7 @@ def audit_function(arguments: Sequence[str], options: Options) -> Report:
     _Crew([job], options, lambda _: None).work()
     wrapped = "-" not in job.done
     controls = measure_controls(options) if wrapped else ()
-    if any(verdict.outcomes for verdict in job.verdicts()):
-        controls += measure_controls(options, OUTCOME_CONTROLS)
+    controls += controls_by_outcomes(job.verdicts(), options)
     return _report(job.verdicts(), controls, [], started)
 
 
@@ -562,3 +561,22 @@ def measure_controls(
     except WorkerFailed as why:
         controls.append(Control("reference", "runs", str(why), False, 0))
     return tuple(controls)
+
+
+def controls_by_outcomes(verdicts: Iterable[Verdict], options: Options) -> tuple[Control, ...]:
+    """Measure the known law that verdicts by outcomes rest on; none where there are none.
+
+    Parameters
+    ----------
+    verdicts : iterable of Verdict
+        What was measured.
+    options : Options
+        As for `measure_controls`.
+
+    Returns
+    -------
+    tuple of Control
+    """
+    if any(verdict.outcomes for verdict in verdicts):
+        return measure_controls(options, OUTCOME_CONTROLS)
+    return ()

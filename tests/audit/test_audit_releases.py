@@ -148,7 +148,8 @@ def test_verdicts_by_outcomes_are_proved_by_a_control_seen_so(small, monkeypatch
         asked.append(laws)
         return (replace(CONTROL, name="by outcomes"),) if laws else (CONTROL,)
 
-    monkeypatch.setattr(matrix, "measure_controls", controls)
+    for module in (matrix, session):
+        monkeypatch.setattr(module, "measure_controls", controls)
     for _ in range(2):
         report = search([replace(ASKED, versions=("2.0",))], options(tmp_path))
         assert [control.name for control in report.controls] == ["exact", "by outcomes"]

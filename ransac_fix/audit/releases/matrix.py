@@ -18,7 +18,6 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion, Version
 
-from ransac_fix.audit.controls import OUTCOME_CONTROLS
 from ransac_fix.audit.model import Control
 from ransac_fix.audit.releases.bisect import bisect
 from ransac_fix.audit.releases.environments import Environments
@@ -29,6 +28,7 @@ from ransac_fix.audit.session import (
     Options,
     audit_system,
     chosen_probes,
+    controls_by_outcomes,
     measure_controls,
     probe_files,
 )
@@ -165,7 +165,7 @@ def measure_releases(
             controls = pool.submit(measure_controls, options.options)
             waiting = [pool.submit(bench.measure, *one) for one in dict.fromkeys(wanted)]
             releases = [one.result() for one in waiting]
-        proved = _with_outcomes(controls.result(), releases, options.options)
+        proved = _proved(controls.result(), releases, options.options)
         return report_on(releases, proved, time.monotonic() - started)
 
 
@@ -210,17 +210,16 @@ def find_changes(
             if version not in {release.version for release in releases}
         ]
         releases = [release for of_one in found for release in of_one]
-        proved = _with_outcomes(controls.result(), releases, options.options)
+        proved = _proved(controls.result(), releases, options.options)
         return report_on(releases, proved, time.monotonic() - started, not_tried)
 
 
-def _with_outcomes(
+def _proved(
     controls: tuple[Control, ...], releases: Iterable[Release], options: Options
 ) -> tuple[Control, ...]:
     """Add the control that verdicts by outcomes rest on, where there are such."""
-    if any(verdict.outcomes for release in releases for verdict in release.verdicts):
-        return controls + measure_controls(options, OUTCOME_CONTROLS)
-    return controls
+    verdicts = [verdict for release in releases for verdict in release.verdicts]
+    return controls + controls_by_outcomes(verdicts, options)
 
 
 class _Bench:
