@@ -70,13 +70,19 @@ def test_counted_trials_are_the_required_number(
         return result
 
     exact = patch_file._wrap(pytheia, counting, k)
-    found = exact(parameters(threshold), PLAIN, data)
-    assert len(found[-1].inliers) == n_inliers
     needed = required_trials(n_inliers, n_samples, k, 0.99)
+    own_trials = []
+    # There is no seed: one run in a hundred has not met the model by then, and goes on until it
+    # does. Five of five are one in 10^10.
+    for _ in range(5):
+        counts.clear()
+        found = exact(parameters(threshold), PLAIN, data)
+        assert len(found[-1].inliers) == n_inliers
+        assert sum(counts) == max(counts[0], needed)
+        own_trials.append(counts[0])
     # int(15 / 22 * 22) is 14: by the time I is known too many have been run.
-    assert sum(counts) == max(counts[0], needed)
-    assert (counts[0] > needed) == ((n_inliers, n_samples) == (15, 22))
-    assert counts[0] != needed
+    assert (min(own_trials) > needed) == ((n_inliers, n_samples) == (15, 22))
+    assert min(own_trials) != needed
 
 
 def test_limits_minimum_and_other_kinds_are_left_alone() -> None:
