@@ -6,7 +6,7 @@ _LEVELS = {"high": "error", "medium": "warning", "low": "notice"}
 
 
 def findings_github(result: ScanResult) -> str:
-    """Return one workflow command a finding, its level by how sure it is."""
+    """Return one workflow command a finding, its level by how sure it is; notes are notices."""
     lines = [_finding(finding) for finding in result.findings]
     lines += [_error(error) for error in result.errors]
     return "".join(f"{line}\n" for line in lines)
@@ -22,7 +22,8 @@ def _finding(finding: Finding) -> str:
     }
     if place.cell is None and place.start_line == place.end_line:
         properties |= {"col": str(place.start_column), "endColumn": str(place.end_column)}
-    return _command(_LEVELS[finding.certainty], properties, finding.message)
+    level = "notice" if finding.severity == "note" else _LEVELS[finding.certainty]
+    return _command(level, properties, finding.message)
 
 
 def _error(error: ScanError) -> str:

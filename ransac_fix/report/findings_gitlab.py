@@ -20,7 +20,7 @@ def findings_gitlab(result: ScanResult) -> str:
             "check_name": finding.code,
             "description": finding.message,
             "categories": ["Bug Risk"],
-            "severity": _SEVERITIES[finding.certainty],
+            "severity": "info" if finding.severity == "note" else _SEVERITIES[finding.certainty],
             "fingerprint": fingerprint(finding, seen),
             "location": {
                 "path": PurePath(os.path.relpath(finding.location.path)).as_posix(),

@@ -4,7 +4,7 @@ from collections import Counter
 from itertools import groupby
 
 from ransac_fix._version import __version__
-from ransac_fix.report.findings_text import summary
+from ransac_fix.report.findings_text import summary, sure
 from ransac_fix.scan import ScanResult
 from ransac_fix.scan.rules import find_rule
 
@@ -25,6 +25,7 @@ def findings_html(result: ScanResult) -> str:
     page = environment.get_template("findings.html").render(
         result=result,
         summary=summary(result),
+        sure=sure,
         counts=[(find_rule(code), count) for code, count in sorted(counts.items())],
         files=[(path, list(findings)) for path, findings in files],
         version=__version__,

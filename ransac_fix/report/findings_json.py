@@ -40,6 +40,7 @@ def finding_data(finding: Finding) -> dict[str, Any]:
         "code": finding.code,
         **_place(finding.location),
         "certainty": finding.certainty,
+        "severity": finding.severity,
         "message": finding.message,
         "expression": finding.expression,
         "roles": dict(finding.roles),

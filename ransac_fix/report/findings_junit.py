@@ -13,22 +13,26 @@ _FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]
 def findings_junit(result: ScanResult) -> str:
     """Return the scan as a test suite.
 
-    A finding is a failure, one set aside by a comment is skipped with its reason, and a file that
-    could not be read is an error.
+    A finding is a failure, a note is the output of a test that passes, one set aside by a comment
+    is skipped with its reason, and a file that could not be read is an error.
     """
     total = len(result.findings) + len(result.suppressed) + len(result.errors)
     suite = Element(
         "testsuite",
         name="ransac-fix scan",
         tests=str(max(total, 1)),
-        failures=str(len(result.findings)),
+        failures=str(len(result.warnings)),
         errors=str(len(result.errors)),
         skipped=str(len(result.suppressed)),
     )
     for finding in result.findings:
         case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
+        text = f"{place(finding.location)}\n{finding.expression}"
+        if finding.severity == "note":
+            SubElement(case, "system-out").text = _clean(f"{finding.message}\n{text}")
+            continue
         failure = SubElement(case, "failure", message=_clean(finding.message))
-        failure.text = _clean(f"{place(finding.location)}\n{finding.expression}")
+        failure.text = _clean(text)
     for finding in result.suppressed:
         case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
         SubElement(case, "skipped", message=_clean(finding.suppression or "no reason given"))

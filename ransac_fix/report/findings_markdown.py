@@ -1,6 +1,6 @@
 """Findings as Markdown, for the summary of a CI step."""
 
-from ransac_fix.report.findings_text import place, summary
+from ransac_fix.report.findings_text import place, summary, sure
 from ransac_fix.report.markdown import escaped
 from ransac_fix.scan import Finding, ScanResult
 
@@ -24,7 +24,7 @@ def _row(finding: Finding) -> str:
     cells = (
         escaped(place(finding.location)),
         finding.code,
-        finding.certainty,
+        sure(finding),
         escaped(finding.message),
         escaped(fix),
     )

@@ -66,7 +66,7 @@ def _result(finding: Finding, rule_index: int, seen: Counter[str]) -> dict[str, 
     result: dict[str, Any] = {
         "ruleId": finding.code,
         "ruleIndex": rule_index,
-        "level": _LEVELS[finding.certainty],
+        "level": "note" if finding.severity == "note" else _LEVELS[finding.certainty],
         "rank": _RANKS[finding.certainty],
         "message": {"text": finding.message},
         "locations": [{"physicalLocation": _physical(finding.location)}],

@@ -51,9 +51,12 @@ def summary(result: ScanResult) -> str:
     files = f"{result.files} file{'' if result.files == 1 else 's'}"
     if not result.findings:
         return f"Nothing found in {files}.{aside}"
-    count = len(result.findings)
+    count = len(result.warnings)
+    notes = len(result.findings) - count
+    parts = [f"{count} finding{'' if count == 1 else 's'}"] if count else []
+    parts += [f"{notes} note{'' if notes == 1 else 's'}"] if notes else []
     found = len({finding.location.path for finding in result.findings})
-    return f"{count} finding{'' if count == 1 else 's'} in {found} of {files}.{aside}"
+    return f"{' and '.join(parts)} in {found} of {files}.{aside}"
 
 
 def _errors(result: ScanResult) -> Iterator[str]:
@@ -63,7 +66,13 @@ def _errors(result: ScanResult) -> Iterator[str]:
 
 
 def _headline(finding: Finding) -> str:
-    return f"{place(finding.location)}: {finding.code} {finding.message} [{finding.certainty}]"
+    return f"{place(finding.location)}: {finding.code} {finding.message} [{sure(finding)}]"
+
+
+def sure(finding: Finding) -> str:
+    """Spell how sure a finding is, and that it is a note."""
+    note = "note, " if finding.severity == "note" else ""
+    return f"{note}{finding.certainty}"
 
 
 def place(location: Location) -> str:

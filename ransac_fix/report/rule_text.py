@@ -28,14 +28,14 @@ def rule_page(rule: Rule) -> str:
     """Return the page of one rule as Markdown, examples included."""
     parts = [f"# {rule.code} {rule.name}\n", _markdown(inspect.getdoc(type(rule)) or "")]
     parts.append("\n## Found\n")
-    parts += _examples(rule.invalid)
+    parts += [*_examples(rule.invalid, "python"), *_examples(rule.cpp_invalid, "cpp")]
     parts.append("\n## Left alone\n")
-    parts += _examples(rule.valid)
+    parts += [*_examples(rule.valid, "python"), *_examples(rule.cpp_valid, "cpp")]
     return "\n".join(parts)
 
 
-def _examples(examples: Mapping[str, str]) -> list[str]:
-    return [f"{title}\n\n```python\n{code.strip()}\n```\n" for title, code in examples.items()]
+def _examples(examples: Mapping[str, str], language: str) -> list[str]:
+    return [f"{title}\n\n```{language}\n{code.strip()}\n```\n" for title, code in examples.items()]
 
 
 def _markdown(text: str) -> str:

@@ -7,7 +7,7 @@ expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``),
 
 import gc
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +23,7 @@ from ransac_fix.scan.findings import (
     Related,
     ScanError,
     ScanResult,
+    Severity,
 )
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "Related",
     "ScanError",
     "ScanResult",
+    "Severity",
     "scan_paths",
     "scan_text",
 ]
@@ -72,7 +74,7 @@ def scan_paths(
         gitignore patterns of what is left out below a named folder.
     select, ignore : sequence of str
         Rules to check and rules to leave out, by code or by the start of one; by default all are
-        checked whose findings depend on the file alone.
+        checked whose findings depend on the file alone. Notes of a selected rule are warnings.
     gate : bool
         Whether files and definitions are set aside by their text alone. The findings are the same
         without, and take far longer.
@@ -129,6 +131,7 @@ def scan_paths(
         from ransac_fix.scan.cache import save
 
         save(cache, known | new)
+    findings = _raised(findings, select)
     findings.sort(
         key=lambda one: (one.location.path, one.location.start_line, one.location.start_column)
     )
@@ -172,9 +175,21 @@ def scan_text(
     outcome = scan_data(
         data, SourceFile(path, language, named=True), rules, settings=Settings(fix_style, python)
     )
-    kept = tuple(one for one in outcome.findings if one.suppression is None)
-    suppressed = tuple(one for one in outcome.findings if one.suppression is not None)
+    findings = _raised(outcome.findings, select)
+    kept = tuple(one for one in findings if one.suppression is None)
+    suppressed = tuple(one for one in findings if one.suppression is not None)
     return ScanResult(kept, outcome.errors, 1, suppressed)
+
+
+def _raised(findings: Iterable[Finding], select: Sequence[str]) -> list[Finding]:
+    """Make warnings of the notes that were asked for."""
+    asked = tuple(select)
+    return [
+        replace(one, severity="warning")
+        if one.severity == "note" and one.code.startswith(asked)
+        else one
+        for one in findings
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -268,22 +268,9 @@ class _Reader:
         return self.expr(value)
 
     def _declared(self, node: Node | None) -> str | None:
-        """Find the name that a declarator declares."""
-        while node is not None:
-            if node.type in ("identifier", "field_identifier"):
-                return self.text(node)
-            if node.type == "structured_binding_declarator":
-                return None
-            inner = node.child_by_field_name("declarator")
-            if inner is None:
-                named = [
-                    child
-                    for child in node.named_children
-                    if child.type.endswith(("declarator", "identifier"))
-                ]
-                inner = named[-1] if named else None
-            node = inner
-        return None
+        """Give the name that a declarator declares."""
+        named = _declared_node(node)
+        return None if named is None else self.text(named)
 
     def _declare(self, name: str) -> None:
         if self._locals is not None:
@@ -410,13 +397,13 @@ class _Reader:
         listed = declarator.child_by_field_name("parameters") if declarator is not None else None
         found: list[form.Parameter] = []
         for child in listed.named_children if listed is not None else ():
-            name = self._declared(child.child_by_field_name("declarator"))
-            if child.type.endswith("parameter_declaration") and name:
+            named = _declared_node(child.child_by_field_name("declarator"))
+            if child.type.endswith("parameter_declaration") and named is not None:
+                name = self.text(named)
                 self._declare(name)
                 default = child.child_by_field_name("default_value")
-                found.append(
-                    form.Parameter(name, self.expr(default) if default is not None else None)
-                )
+                value = self.expr(default) if default is not None else None
+                found.append(form.Parameter(name, value, self.span(named)))
         return tuple(found)
 
     def _class(self, node: Node, out: list[Stmt]) -> None:
@@ -609,6 +596,25 @@ class _Reader:
                 name = self._spelled(field)
                 return form.Call(self.expr(argument), name, args, (), span)
         return form.Call(self.expr(function), "", args, (), span)
+
+
+def _declared_node(node: Node | None) -> Node | None:
+    """Find the name in a declarator."""
+    while node is not None:
+        if node.type in ("identifier", "field_identifier"):
+            return node
+        if node.type == "structured_binding_declarator":
+            return None
+        inner = node.child_by_field_name("declarator")
+        if inner is None:
+            named = [
+                child
+                for child in node.named_children
+                if child.type.endswith(("declarator", "identifier"))
+            ]
+            inner = named[-1] if named else None
+        node = inner
+    return None
 
 
 def _limit(scope: str, name: str, span: Span) -> Expr | None:

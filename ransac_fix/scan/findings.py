@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 Certainty: TypeAlias = Literal["high", "medium", "low"]
+Severity: TypeAlias = Literal["warning", "note"]
+"""Whether a finding makes the scan fail; a note does not."""
 FixStyle: TypeAlias = Literal["self-contained", "import"]
 """Whether a fix adds a function to the file, or imports this package's."""
 
@@ -93,6 +95,8 @@ class Finding:
         Why there is none.
     suppression : str or None
         The reason given by the comment that sets it aside; None where there is no such comment.
+    severity : {"warning", "note"}
+        A note says something of the text beside the code, and does not make the scan fail.
     """
 
     code: str
@@ -105,6 +109,7 @@ class Finding:
     fix: Fix | None = None
     no_fix: str = ""
     suppression: str | None = None
+    severity: Severity = "warning"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,3 +136,8 @@ class ScanResult:
     """How many files were looked at."""
     suppressed: tuple[Finding, ...] = ()
     """What comments set aside."""
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that make the scan fail: all but notes."""
+        return tuple(finding for finding in self.findings if finding.severity == "warning")

@@ -110,7 +110,7 @@ def read_sites(
         out.append(
             ReadSite(
                 site,
-                _roles(site, text),
+                roles_of(site, text),
                 _certainty(site, text, file_speaks=file_speaks, file_whispers=file_whispers),
                 _is_adaptive(site),
                 law,
@@ -122,7 +122,8 @@ def read_sites(
     return out
 
 
-def _roles(site: Site, text: Text) -> dict[str, str]:
+def roles_of(site: Site, text: Text) -> dict[str, str]:
+    """Spell what a site names, as its file does."""
     probability = site.probability
     roles: dict[str, str] = {}
     n_inliers, n_samples = probability.n_inliers, probability.n_samples
@@ -173,7 +174,7 @@ def _certainty(
     around = text.at(site.span)
     if site.function is not None:
         around += text.block(site.function.span)
-    around += " ".join(_roles(site, text).values())
+    around += " ".join(roles_of(site, text).values())
     if words.speaks_strongly(around):
         level = 2
     elif file_speaks:

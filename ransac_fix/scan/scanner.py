@@ -16,6 +16,7 @@ from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
 from ransac_fix.scan.form import Module
 from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
+from ransac_fix.scan.prose import Prose, blocks, may_state_a_rule, python_prose
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
 from ransac_fix.scan.recogniser import recognise
 from ransac_fix.scan.repair import repair
@@ -205,9 +206,11 @@ def _scan_python(
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
+    stated = _may_be_stated(source, rules)
+    noted = commented or stated
     quiet = _quiet(source, rules) if gate else frozenset()
-    wanted = commented or any(rule.reads_everything and rule.code not in quiet for rule in rules)
-    stub = file.path.endswith(".pyi") and not commented  # it computes nothing
+    wanted = noted or any(rule.reads_everything and rule.code not in quiet for rule in rules)
+    stub = file.path.endswith(".pyi") and not noted  # it computes nothing
     if gate and not file.named and (stub or not (wanted or triage.could_hold_a_rule(source))):
         return (), ()
     repaired = False
@@ -244,10 +247,16 @@ def _scan_python(
         comments=comments,
         language="python 2" if repaired else "python",
         settings=settings,
+        prose=tuple(python_prose(source)) if stated else (),
     )
     if findings and not repaired:
-        return _confirmed(source, file, findings)
+        return _confirmed(source, file, findings, {one.code for one in rules if one.about_code})
     return tuple(findings), ()
+
+
+def _may_be_stated(source: str, rules: Sequence[Rule]) -> bool:
+    """Whether a rule reads comments and docstrings, and one of them could say something."""
+    return any(rule.reads_prose for rule in rules) and may_state_a_rule(source)
 
 
 def check(
@@ -261,6 +270,7 @@ def check(
     comments: tuple[Comment, ...] = (),
     language: str = "python",
     settings: Settings = DEFAULTS,
+    prose: tuple[Prose, ...] = (),
 ) -> list[Finding]:
     """Check one module in the small form.
 
@@ -278,7 +288,7 @@ def check(
         The rules that can find nothing here, by their code.
     comments : tuple of Comment
         Its comments, where one could set a finding aside.
-    language, settings
+    language, settings, prose
         As in :class:`~ransac_fix.scan.rules.ScannedFile`.
 
     Returns
@@ -287,7 +297,9 @@ def check(
         In order of place; those set aside have a ``suppression``.
     """
     sites = read(module, text, path, whole)
-    scanned = ScannedFile(path, text, module, tuple(sites), comments, language, whole, settings)
+    scanned = ScannedFile(
+        path, text, module, tuple(sites), comments, language, whole, settings, prose
+    )
     chosen = default_rules() if rules is None else rules
     found = [
         finding for rule in chosen if rule.code not in quiet for finding in rule.check(scanned)
@@ -314,8 +326,10 @@ def _order(finding: Finding) -> tuple[str, int, int, str]:
     return place.path, place.start_line, place.start_column, finding.code
 
 
-def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> FileOutcome:
-    """Keep the findings whose place libcst sees too."""
+def _confirmed(
+    source: str, file: SourceFile, findings: Iterable[Finding], of_code: Collection[str]
+) -> FileOutcome:
+    """Keep the findings whose place libcst sees too, of those that are of code."""
     import libcst as cst
 
     from ransac_fix.scan.form import Span
@@ -332,7 +346,7 @@ def _confirmed(source: str, file: SourceFile, findings: Iterable[Finding]) -> Fi
         return tuple(findings), ()
 
     def stands(finding: Finding) -> bool:
-        return finding.expression.startswith("#") or span(finding) in nodes
+        return finding.code not in of_code or span(finding) in nodes
 
     kept = tuple(finding for finding in findings if stands(finding))
     errors = tuple(
@@ -354,12 +368,24 @@ def _quiet(source: str, rules: Sequence[Rule]) -> frozenset[str]:
 def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool) -> FileOutcome:
     from ransac_fix.scan import cpp
 
-    commented = has_any(source)
-    if gate and not commented and not triage.could_hold_a_rule(source):
+    commented, stated = has_any(source), _may_be_stated(source, rules)
+    quiet = _quiet(source, rules) if gate else frozenset()
+    wanted = commented or stated
+    wanted |= any(rule.reads_everything and rule.code not in quiet for rule in rules)
+    if gate and not wanted and not triage.could_hold_a_rule(source):
         return (), ()
-    comments = tuple(cpp.comments(source)) if commented else ()
-    module = cpp.parse(source)
-    findings = check(module, Text(source), file.path, rules, comments=comments, language="c++")
+    comments = tuple(cpp.comments(source)) if commented or stated else ()
+    text = Text(source)
+    findings = check(
+        cpp.parse(source),
+        text,
+        file.path,
+        rules,
+        quiet=quiet,
+        comments=comments if commented else (),
+        language="c++",
+        prose=tuple(blocks(comments, text.lines)) if stated else (),
+    )
     return tuple(findings), ()
 
 
@@ -376,8 +402,16 @@ def _scan_notebook(
     module = python.parse(notebook.source)
     comments = tuple(python_comments(notebook.source))
     text = Text(notebook.source, [line.cell for line in notebook.lines])
+    stated = _may_be_stated(notebook.source, rules)
     findings = check(
-        module, text, file.path, rules, comments=comments, language="notebook", settings=settings
+        module,
+        text,
+        file.path,
+        rules,
+        comments=comments,
+        language="notebook",
+        settings=settings,
+        prose=tuple(python_prose(notebook.source)) if stated else (),
     )
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 

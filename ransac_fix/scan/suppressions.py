@@ -1,6 +1,7 @@
 """Comments that set a finding aside: ``ransac-fix: ignore[RFX001] -- reason``, ``noqa: RFX001``.
 
-A comment holds for the findings that touch its line. A bare ``noqa`` is another tool's.
+A comment holds for the findings that touch its line; behind a string of several lines, for those in
+the string. A bare ``noqa`` is another tool's.
 """
 
 import io
@@ -20,10 +21,19 @@ _NOQA = re.compile(r"noqa\s*:\s*(?P<codes>[A-Z]+[0-9]+(?:[,\s]+[A-Z]+[0-9]+)*)",
 
 @dataclass(frozen=True, slots=True)
 class Comment:
-    """A comment of a file."""
+    """A comment of a file.
+
+    Attributes
+    ----------
+    text : str
+    span : Span
+    first_line : int or None
+        Where the string of several lines begins that it stands behind; None where it does not.
+    """
 
     text: str
     span: Span
+    first_line: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +47,28 @@ class Suppression:
     reason : str
         Why, as it says itself.
     span : Span
+    first_line : int or None
+        As in :class:`Comment`.
     """
 
     codes: tuple[str, ...]
     reason: str
     span: Span
+    first_line: int | None = None
 
 
 def python_comments(source: str) -> Iterator[Comment]:
     """Yield the comments of a Python module, as far as it can be read."""
+    string: tokenize.TokenInfo | None = None
     try:
         for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT:
+            if token.type == tokenize.STRING:
+                string = token
+            elif token.type == tokenize.COMMENT:
                 (line, column), (end_line, end_column) = token.start, token.end
-                yield Comment(token.string, Span(line, column, end_line, end_column))
+                behind = string is not None and string.start[0] < string.end[0] == line
+                first = string.start[0] if string is not None and behind else None
+                yield Comment(token.string, Span(line, column, end_line, end_column), first)
     except (tokenize.TokenError, SyntaxError):
         return
 
@@ -62,7 +80,8 @@ def suppressions(comments: Iterable[Comment]) -> list[Suppression]:
         own = _IGNORE.search(comment.text)
         if own:
             codes = tuple(re.findall(r"\w+", own["codes"] or ""))
-            found.append(Suppression(codes, own["reason"] or "", comment.span))
+            reason = own["reason"] or ""
+            found.append(Suppression(codes, reason, comment.span, comment.first_line))
             continue
         foreign = _NOQA.search(comment.text)
         if foreign:
@@ -72,7 +91,7 @@ def suppressions(comments: Iterable[Comment]) -> list[Suppression]:
                 if code.upper().startswith("RFX")
             )
             if codes:
-                found.append(Suppression(codes, "", comment.span))
+                found.append(Suppression(codes, "", comment.span, comment.first_line))
     return found
 
 
@@ -104,7 +123,9 @@ def apply(
 
 def _holds(suppression: Suppression, finding: Finding) -> bool:
     place = finding.location
-    touches = place.start_line <= suppression.span.line <= place.end_line
+    last = suppression.span.line
+    first = last if suppression.first_line is None else suppression.first_line
+    touches = place.start_line <= last and first <= place.end_line
     return touches and (not suppression.codes or finding.code in suppression.codes)
 
 

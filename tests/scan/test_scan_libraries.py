@@ -24,7 +24,9 @@ def folder(name: str) -> Path:
 def test_finds_the_one_rule_of_a_library(library, path):
     result = scan_paths([folder(library)], jobs=1)
     assert not result.errors
-    (finding,) = result.findings
+    (finding,) = result.warnings
+    (note,) = (one for one in result.findings if one.severity == "note")
+    assert (note.code, note.expression) == ("RFX007", "log(1 - probability) / log(1 - e ** m)")
     assert finding.location.path == str(folder(library) / path)
     assert (finding.code, finding.certainty) == ("RFX001", "high")
     assert finding.roles == {

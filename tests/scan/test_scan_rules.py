@@ -1,6 +1,7 @@
 """Every rule against the examples in its own file."""
 
 import inspect
+from collections.abc import Mapping
 
 import pytest
 
@@ -10,23 +11,26 @@ from ransac_fix.scan.rules import Rule, all_rules, find_rule
 from ransac_fix.scan.scanner import scan_source
 
 RULES = all_rules()
-INVALID = [(rule, title) for rule in RULES for title in rule.invalid]
-VALID = [(rule, title) for rule in RULES for title in rule.valid]
+INVALID = [(rule, title) for rule in RULES for title in (*rule.invalid, *rule.cpp_invalid)]
+VALID = [(rule, title) for rule in RULES for title in (*rule.valid, *rule.cpp_valid)]
 
 
 def _id(value: object) -> str:
     return value.code if isinstance(value, Rule) else str(value).rstrip(".")
 
 
-def codes(source: str, path: str = "ransac.py") -> list[str]:
-    findings, errors = scan_source(source, SourceFile(path, "python", named=True), RULES)
+def codes(title: str, python: Mapping[str, str], cpp: Mapping[str, str]) -> list[str]:
+    file = SourceFile("ransac.py", "python", named=True)
+    if title in cpp:
+        file = SourceFile("ransac.cpp", "c++", named=True)
+    findings, errors = scan_source({**python, **cpp}[title], file, RULES)
     assert not errors
     return [finding.code for finding in findings]
 
 
 @pytest.mark.parametrize(("rule", "title"), INVALID, ids=_id)
 def test_finds_its_invalid_examples(rule, title):
-    found = codes(rule.invalid[title])
+    found = codes(title, rule.invalid, rule.cpp_invalid)
     assert found.count(rule.code) == 1
     # The same place may break another rule too, but not those that exclude each other.
     assert len({"RFX001", "RFX002", "RFX003"} & set(found)) <= 1
@@ -34,7 +38,7 @@ def test_finds_its_invalid_examples(rule, title):
 
 @pytest.mark.parametrize(("rule", "title"), VALID, ids=_id)
 def test_leaves_its_valid_examples_alone(rule, title):
-    assert rule.code not in codes(rule.valid[title])
+    assert rule.code not in codes(title, rule.valid, rule.cpp_valid)
 
 
 @pytest.mark.parametrize("rule", RULES, ids=_id)

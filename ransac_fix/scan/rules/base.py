@@ -13,6 +13,7 @@ from typing import ClassVar
 from ransac_fix.scan.findings import Certainty, Finding, Fix, FixStyle, Location, Related
 from ransac_fix.scan.fixes import fix_probability
 from ransac_fix.scan.form import Module, Span
+from ransac_fix.scan.prose import Prose
 from ransac_fix.scan.reading import ReadSite, Text
 from ransac_fix.scan.source import Source, source_of
 from ransac_fix.scan.suppressions import Comment, Suppression
@@ -56,6 +57,8 @@ class ScannedFile:
     whole : callable or None
         Gives the whole file, where ``module`` is only the part that could hold a stopping rule.
     settings : Settings
+    prose : tuple of Prose
+        Its docstrings and comments; read only where one could state a stopping rule.
     """
 
     path: str
@@ -66,6 +69,7 @@ class ScannedFile:
     language: str = "python"
     whole: Callable[[], Module] | None = None
     settings: Settings = DEFAULTS
+    prose: tuple[Prose, ...] = ()
 
     def source(self) -> Source | str:
         """Give the file as fixes read it, or say why it cannot be fixed."""
@@ -98,11 +102,23 @@ class Rule(ABC):
     invalid: ClassVar[Mapping[str, str]]
     """Code that it must find, each under a sentence that says what is special about it."""
 
+    cpp_valid: ClassVar[Mapping[str, str]] = {}
+    """As ``valid``, in C++."""
+
+    cpp_invalid: ClassVar[Mapping[str, str]] = {}
+    """As ``invalid``, in C++."""
+
     default: ClassVar[bool] = True
     """Whether it is checked unless asked for; others depend on more than the file itself."""
 
     reads_everything: ClassVar[bool] = False
     """Whether it looks at more than stopping rules; it is checked only where it ``concerns``."""
+
+    about_code: ClassVar[bool] = True
+    """Whether what it finds is code; others find comments."""
+
+    reads_prose: ClassVar[bool] = False
+    """Whether it reads the ``prose`` of a file."""
 
     @abstractmethod
     def check(self, file: ScannedFile) -> Iterator[Finding]:
@@ -168,16 +184,27 @@ class SiteRule(Rule):
 
 def power_of(read: ReadSite) -> str:
     """Spell the power of a site: ``w**k`` in its own names."""
-    ratio = read.roles.get("inlier_ratio", "w")
-    size = read.roles.get("sample_size", "k")
+    return power_in(read.roles)
+
+
+def power_in(roles: Mapping[str, str]) -> str:
+    """Spell the power of named roles."""
+    ratio = roles.get("inlier_ratio", "w")
+    size = roles.get("sample_size", "k")
     return f"{_grouped(ratio)}**{_grouped(size)}"
 
 
 def product_of(read: ReadSite) -> str:
     """Spell the exact probability of a site in its own names, as binomial coefficients."""
-    size = read.roles.get("sample_size", "k")
-    inliers = read.roles.get("n_inliers", "I")
-    samples = read.roles.get("n_samples", "n")
+    return product_in(read.roles)
+
+
+def product_in(roles: Mapping[str, str]) -> str:
+    """Spell the exact probability in named roles."""
+    size = roles.get("sample_size", "k")
+    short = size not in ("I", "n")
+    inliers = roles.get("n_inliers", "I" if short else "n_inliers")
+    samples = roles.get("n_samples", "n" if short else "n_samples")
     return f"C({inliers}, {size}) / C({samples}, {size})"
 
 

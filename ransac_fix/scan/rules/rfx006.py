@@ -14,6 +14,7 @@ _CONFIDENCE = re.compile(
     r"(?:stop_?|success_?|desired_?|wanted_?|ransac_?)?(?:confidence|conf|prob(?:ability)?)"
     r"|prob(?:ability)?_(?:of_)?success"
 )
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 # Followed by parameters, of types or of values.
 _NAMED_SO = re.compile(rb"(?:ransac|consensus)\w*\s*[(\[]")
 
@@ -24,7 +25,9 @@ class UnusedConfidence(Rule):
     What it does
     ------------
     Finds functions with RANSAC in their name and a loop in their body that take a parameter such
-    as ``confidence`` or ``stop_probability`` and never read it.
+    as ``confidence`` or ``stop_probability`` and never read it. In C and C++ nothing may name it
+    again, not even a macro, a pragma or ``(void)confidence``; a parameter without a name is not
+    looked at.
 
     Why is this bad
     ---------------
@@ -57,6 +60,31 @@ def ransac(points, confidence=0.99):
 def ransac(points, fit, confidence=0.99, **options):
     for _ in range(9):
         fit(points, stop=confidence)
+""",
+    }
+    cpp_valid: ClassVar[dict[str, str]] = {
+        "A macro sees it.": """
+Model ransac(const Points& points, double confidence, int max_trials) {
+  Model best;
+  for (int trial = 0; trial < TRIALS(confidence, max_trials); ++trial) best.improve(points);
+  return best;
+}
+""",
+        "It has no name: the interface asks for it.": """
+Model ransac(const Points& points, double /*confidence*/, int max_trials) {
+  Model best;
+  for (int trial = 0; trial < max_trials; ++trial) best.improve(points);
+  return best;
+}
+""",
+    }
+    cpp_invalid: ClassVar[dict[str, str]] = {
+        "The same in C++.": """
+Model ransac(const Points& points, double confidence = 0.99, int max_trials = 100) {
+  Model best;
+  for (int trial = 0; trial < max_trials; ++trial) best.improve(points);  // confidence: later
+  return best;
+}
 """,
     }
     invalid: ClassVar[dict[str, str]] = {
@@ -93,6 +121,8 @@ class RansacPlane:
                 wanted = _CONFIDENCE.fullmatch(one.name.lower()) and one.span is not None
                 if not wanted or one.name in read or "locals" in read:
                     continue
+                if file.language == "c++" and _is_written_again(one.name, function, file):
+                    continue
                 yield Finding(
                     self.code,
                     file.location(one.span or function.span),
@@ -101,6 +131,12 @@ class RansacPlane:
                     {"confidence": one.name},
                     one.name,
                 )
+
+
+def _is_written_again(name: str, function: Function, file: ScannedFile) -> bool:
+    """Whether a parameter is named in its function at all, such as by a macro or a pragma."""
+    code = _COMMENT.sub(" ", file.text.block(function.span))
+    return len(re.findall(rf"\b{re.escape(name)}\b", code)) > 1
 
 
 def _has_loop(body: tuple[Stmt, ...]) -> bool:

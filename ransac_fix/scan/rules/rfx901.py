@@ -32,6 +32,7 @@ class UnusedSuppression(Rule):
     code = "RFX901"
     name = "unused-suppression"
     summary = "comment that sets nothing aside"
+    about_code = False
     valid: ClassVar[dict[str, str]] = {
         "It is needed.": """
 import math
