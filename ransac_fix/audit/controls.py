@@ -21,10 +21,16 @@ _ROUNDINGS: dict[str, tuple[float, Callable[[float], int]]] = {
 }
 
 Quirk: TypeAlias = Literal[
-    "first model", "confidence ignored", "no rule", "overflow", "filter", "score"
+    "first model",
+    "first consensus",
+    "confidence ignored",
+    "no rule",
+    "overflow",
+    "filter",
+    "score",
 ]
 # With these no law is to be found.
-_NAMED_ALONE = ("first model", "confidence ignored", "no rule", "score")
+_NAMED_ALONE = ("first model", "first consensus", "confidence ignored", "no rule", "score")
 # P below which the control with the overflow ends at once, as single precision would.
 _VANISHING = 1e-7
 
@@ -134,6 +140,8 @@ class KnownLaw:
                 return math.inf
             case "first model" if n_inliers <= sample_size:
                 return 1
+            case "first consensus":
+                return 1 if n_inliers > sample_size else math.inf
             case "confidence ignored":
                 confidence = 0.99
             case "overflow" if probability < _VANISHING:
@@ -219,6 +227,15 @@ ZOO = (
     KnownLaw("score for a count", "distinct", "affine", 3, quirk="score"),
     KnownLaw("exact, tested on improvement", "distinct", "affine", 3, tested="on improvement"),
     KnownLaw("stops for I <= k", "distinct", "affine", 3, quirk="first model"),
+    KnownLaw("stops for I > k", "approximate", "affine", 3, quirk="first consensus"),
+    KnownLaw(
+        "stops for I > k, counted",
+        "approximate",
+        "homography",
+        4,
+        counted=True,
+        quirk="first consensus",
+    ),
     KnownLaw("confidence ignored", "approximate", "affine", 3, quirk="confidence ignored"),
     KnownLaw("no rule", "distinct", quirk="no rule"),
     KnownLaw("overflow to one trial", "approximate", "affine", 3, quirk="overflow"),
@@ -272,7 +289,8 @@ ZOO = (
 )
 
 # Those that can be told by outcomes; a rule that is off by a trial or rounds otherwise is one of
-# its class there, and the few of "overflow" and "first model" end before anything is in hand.
+# its class there, and the few of "overflow" and "first model" end before anything is in hand, or
+# then.
 OUTCOME_ZOO = tuple(
     replace(law, name=f"{law.name}, by outcomes", outcomes_only=True)
     for law in ZOO
@@ -280,5 +298,5 @@ OUTCOME_ZOO = tuple(
     and not law.truncated
     and law.n_strata == 1
     and law.drawn != "not uniform"
-    and law.quirk not in ("first model", "overflow")
+    and law.quirk not in ("first model", "first consensus", "overflow")
 )

@@ -11,6 +11,7 @@ from ransac_fix.audit.measure import Measurement
 from ransac_fix.audit.model import (
     DEFECTS,
     AtDefaults,
+    Defect,
     Judgement,
     OutcomeEvidence,
     Point,
@@ -18,6 +19,9 @@ from ransac_fix.audit.model import (
     StoppingLaw,
 )
 from ransac_fix.audit.sampling import drawing_of
+
+# Defects that assume P = 1, as it were.
+_ENDS_AT_ONCE: tuple[Defect, ...] = ("first model", "first consensus")
 
 
 def judge(measured: Measurement) -> tuple[Judgement, str]:
@@ -32,6 +36,8 @@ def judge(measured: Measurement) -> tuple[Judgement, str]:
         return "not measured", measured.unmeasured
     defects = "; ".join(f"it {DEFECTS[defect]}" for defect in measured.defects)
     if defects and measured.fit.law is None:
+        if any(defect in _ENDS_AT_ONCE for defect in measured.defects):
+            return "undersamples", f"{defects}{_at_once(measured.sampler)}"
         return "other rule", defects
     if measured.outcomes is not None:
         return _judge_outcomes(measured.fit, measured.sampler, measured.outcomes)
@@ -205,6 +211,15 @@ def _limits(at_defaults: AtDefaults, max_trials_name: str) -> list[str]:
             "more than the rule."
         )
     return parts
+
+
+def _at_once(sampler: SamplerLaw) -> str:
+    """Say what it means to end with a model in hand on the first standard problem."""
+    if sampler.drawn not in ("distinct", "replacement"):
+        return ""
+    n, n_inliers = standard_problems(sampler.sample_size)[0]
+    needed = drawing_of(sampler).required_trials(((n_inliers, n),), 0.99)
+    return f": with {n_inliers} of {n} in hand it stops at once, and s=0.99 needs {needed} trials"
 
 
 def _consequence(law: StoppingLaw, sampler: SamplerLaw, points: Sequence[Point]) -> str:

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ransac_fix.audit.worker import streams
 from ransac_fix.audit.worker.interface import EntryPoint
+from ransac_fix.audit.worker.requests import REQUESTS
 from ransac_fix.audit.worker.serve import described
 
 
@@ -26,4 +26,4 @@ class LocalHost:
 
     def ask(self, do: str, **request: Any) -> dict[str, Any]:
         """Answer one request."""
-        return streams.REQUESTS[do](self._entry_point, request)
+        return REQUESTS[do](self._entry_point, request)

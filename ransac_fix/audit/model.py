@@ -25,11 +25,16 @@ Drawn: TypeAlias = Literal[
     "distinct", "replacement", "stratified", "weighted", "not uniform", "undecided"
 ]
 
-Defect: TypeAlias = Literal["first model", "confidence ignored", "no rule", "overflow"]
+Defect: TypeAlias = Literal[
+    "first model", "first consensus", "confidence ignored", "no rule", "overflow"
+]
 """What a program does besides its law, or in place of one; see `DEFECTS`."""
 
 DEFECTS: dict[Defect, str] = {
     "first model": "ends with its first model, whatever the confidence",
+    "first consensus": (
+        "ends with the first model that has more inliers than its sample, whatever the confidence"
+    ),
     "confidence ignored": "takes a confidence that has no effect",
     "no rule": "has no stopping rule: it always uses its budget",
     "overflow": "ends with its first sample on many measurements, where P is tiny",

@@ -392,7 +392,7 @@ def _audit_entry_point(
     defaults = None
     advice = ""
     declared = one["defaults"]
-    if declared is not None and (measured.points or measured.outcomes):
+    if declared is not None and (measured.points or measured.outcomes or measured.defects):
         checked = None
         if one["repeatable"] or one["counted"]:
             checked, more = _check_defaults(host, one, declared, measured)

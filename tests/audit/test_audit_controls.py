@@ -7,6 +7,7 @@ import pytest
 
 from ransac_fix.audit import control_probe, session
 from ransac_fix.audit.controls import CONTROLS, ZOO
+from ransac_fix.audit.judge import judge
 from ransac_fix.audit.local import LocalHost
 from ransac_fix.audit.measure import measure
 from ransac_fix.audit.session import Options
@@ -62,6 +63,18 @@ def test_a_control_that_is_not_what_it_says_is_noticed(change):
     found = measured(law)
     assert law.recognised(found)
     assert not replace(law, **change).recognised(found)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [law for law in ZOO if law.quirk in ("first model", "first consensus")],
+    ids=lambda law: law.name,
+)
+def test_a_run_that_ends_with_a_model_in_hand_undersamples(law):
+    """Whatever its formula is, no trial follows where the exact rule asks for hundreds."""
+    verdict, reason = judge(measured(law))
+    assert verdict == "undersamples"
+    assert "stops at once, and s=0.99 needs" in reason
 
 
 def test_no_verdict_is_given_when_a_control_is_misidentified(monkeypatch):

@@ -10,9 +10,9 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from ransac_fix.audit.worker import streams
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
 from ransac_fix.audit.worker.planted import plant
+from ransac_fix.audit.worker.requests import REQUESTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -132,7 +132,7 @@ class Worker:
         entry_point = self.entry_points[request["entry_point"]]
         if what == "extended":
             return self.extended(entry_point, request)
-        return streams.REQUESTS[what](entry_point, request)
+        return REQUESTS[what](entry_point, request)
 
 
 def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
-from ransac_fix.audit.worker.outcomes import outcomes
 from ransac_fix.audit.worker.planted import Planted, evenly, plant
 
 if TYPE_CHECKING:
@@ -31,6 +30,8 @@ RESOLUTION = 0.03
 NOT_FOUND = "the larger model was not found within the budget"
 NEVER_STOPS = "the rule never stops before the larger model"
 BUDGET_REACHED = "the run reached its budget"
+TOO_SHORT = "the run was too short"
+FIXED_COUNT = "the count does not depend on the confidence"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
 # Streams in vain, after which no others are tried.
 _HOPELESS = 20
@@ -271,10 +272,10 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
     if count >= largest:
         raise Discarded(BUDGET_REACHED)
     if count < smallest:
-        raise Discarded("the run was too short")
+        raise Discarded(TOO_SHORT)
     low = high * (1 - 2.5 / count)
     if trials(low) >= count:
-        raise Discarded("the count does not depend on the confidence")
+        raise Discarded(FIXED_COUNT)
     while count * (high - low) / low > RESOLUTION:
         middle = (low + high) / 2
         if trials(middle) >= count:
@@ -522,13 +523,3 @@ def defaults(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]
         different += not agree
         found += hit
     return {"same": same, "different": different, "found": found, "runs": runs}
-
-
-REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
-    "points": points,
-    "hits": hits,
-    "larger": larger,
-    "trials": trials,
-    "defaults": defaults,
-    "outcomes": outcomes,
-}
