@@ -148,6 +148,8 @@ def command(
         click.echo(explanation_text(explanation))
         if sweep is not None and rows is not None:
             click.echo("\n" + sweep_text(rows, sampling))
+    if strata and rows is not None:
+        click.echo("ransac-fix: strata do not scale: the sweep is without them", err=True)
     if plot is not None and rows is not None:
         from ransac_fix.report.explanation_plot import draw_sweep
 
@@ -194,7 +196,8 @@ def _inliers(ratio: Fraction, n_samples: int) -> int:
     try:
         return inliers_from_ratio(ratio, n_samples)
     except ValueError as error:
-        raise click.UsageError(f"{error}: give the count with --inliers") from None
+        below = int(ratio * n_samples)
+        raise click.UsageError(f"{error}: say --inliers {below} or {below + 1}") from None
 
 
 def _swept_inliers(ratio: Fraction, n_samples: int) -> int:

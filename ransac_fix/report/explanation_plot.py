@@ -44,6 +44,17 @@ def draw_sweep(
             (exact, "exact rule, $N_e$", LINE_STYLES[2]),
         ):
             trials.plot(xs, [_on_log_axis(v) for v in values], label=label, **style)
+        limits = (("floor", asked.problem.min_trials), ("cap", asked.problem.max_trials))
+        for name, limit in limits:
+            if limit:
+                trials.axhline(limit, color="#777777", linewidth=0.8)
+                trials.annotate(
+                    f"{name}: {limit:,}",
+                    (xs[0], limit),
+                    textcoords="offset points",
+                    xytext=(0, 3),
+                    fontsize=8,
+                )
         trials.set_yscale("log")
         trials.set_ylabel("trials")
         trials.legend()

@@ -177,8 +177,14 @@ def _limits_advice(law: LawOutcome) -> list[str]:
 
 def _enumeration(explanation: Explanation) -> str:
     lines = []
+    distinct = explanation.law("distinct")
     for law in explanation.laws:
         if law.sampling == "replacement":  # the same sets as with distinct draws
+            if law.enumeration_is_cheaper != distinct.enumeration_is_cheaper:
+                lines.append(
+                    f"With replacement {count_text(law.required_trials)} trials are needed:"
+                    " trying each once is cheaper."
+                )
             continue
         lines.append(
             f"{count_text(law.n_subsets)} subsets"

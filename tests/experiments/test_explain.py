@@ -179,6 +179,21 @@ def test_json_holds_the_sweep_and_follows_the_schema():
     assert run_json("--stratum", "10/20:3", "--stratum", "5/30:2")["explanation"]["strata"]
 
 
+def test_enumeration_is_told_apart_for_draws_with_replacement():
+    """252 subsets: more than the 192 trials that distinct draws need, fewer than the 638."""
+    text = run("--n", "10", "--inliers", "6", "--k", "5")
+    assert "252 subsets exist, 6 of them all-inlier: sampling is cheaper" in text
+    assert "With replacement 638 trials are needed: trying each once is cheaper." in text
+    assert "With replacement" not in run(*EXAMPLE)
+
+
+def test_a_sweep_says_that_it_leaves_strata_out():
+    strata = ["--stratum", "5/20:2", "--stratum", "10/30:3"]
+    result = CliRunner().invoke(command, [*strata, "--sweep", "n=50"])
+    assert "strata do not scale: the sweep is without them" in result.stderr
+    assert not CliRunner().invoke(command, strata).stderr
+
+
 def test_numbers_beyond_the_floats_still_answer():
     document = run_json("--n", str(10**12), "--inliers", "100", "--k", "100")
     assert document["explanation"]["laws"][0]["n_all_inlier_subsets"] == 1
@@ -196,6 +211,7 @@ def test_schema_file_is_the_one_the_code_describes():
     ("args", "message"),
     [
         (["--n", "55", "--inlier-ratio", "0.3", "--k", "5"], "not a whole number of inliers"),
+        (["--n", "55", "--inlier-ratio", "0.3", "--k", "5"], "say --inliers 16 or 17"),
         (["--n", "50", "--k", "5"], "either --inliers or --inlier-ratio"),
         (["--n", "50", "--inliers", "5", "--inlier-ratio", "0.1", "--k", "5"], "either"),
         (["--n", "50", "--inliers", "60", "--k", "5"], "--inliers 60 is more than --n 50"),
@@ -236,6 +252,16 @@ def test_plot_writes_the_same_file_every_time(tmp_path, suffix):
     first, second = (path.read_bytes() for path in paths)
     assert len(first) > 5000
     assert first == second
+
+
+def test_a_plot_shows_the_floor_and_the_cap(tmp_path):
+    limits = {"plain": [], "cap": ["--max-trials", "1000"], "floor": ["--min-trials", "1000"]}
+    drawn = set()
+    for name, options in limits.items():
+        path = tmp_path / f"{name}.svg"
+        run(*EXAMPLE, *options, "--plot", str(path))
+        drawn.add(path.read_bytes())
+    assert len(drawn) == 3
 
 
 @pytest.mark.parametrize(
