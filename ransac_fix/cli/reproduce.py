@@ -50,8 +50,6 @@ _theory_figure("figure-tradeoff", "The teaser in theory: success over mean trial
 
 
 def _synthetic(shape: "Shape", line: str) -> None:
-    from_the_paper = "" if shape == "line" else ", geometric or Sampson's"
-
     @command.command(shape, help=line)
     @click.option(
         "--instances",
@@ -101,6 +99,13 @@ def _synthetic(shape: "Shape", line: str) -> None:
         "the box. Absent is a control: outliers only.",
     )
     @click.option(
+        "--outliers",
+        type=click.Choice(["anywhere", "clear"]),
+        default="anywhere",
+        show_default=True,
+        help="Outliers anywhere in the box, or where they are no inliers of the true shape.",
+    )
+    @click.option(
         "--limit",
         type=click.Choice(["distance", "square"]),
         default="distance",
@@ -117,10 +122,11 @@ def _synthetic(shape: "Shape", line: str) -> None:
     )
     @click.option(
         "--distance",
-        type=click.Choice(["geometric", "sampson"]),
+        type=click.Choice(["geometric", "sampson", "radial"]),
         default="geometric",
         show_default=True,
-        help=f"Who is an inlier{from_the_paper}.",
+        help="The distance that decides who is an inlier; radial is along the ray from the "
+        "ellipse's centre.",
         hidden=shape == "line",
     )
     @click.option(
@@ -267,6 +273,7 @@ _synthetic("ellipse", "The paper's table of 2D ellipses.")
 
 
 _KINDS = ["homography", "essential", "fundamental", "pnp"]
+_LIBRARIES = click.Choice(["poselib", "opencv", "colmap"])
 
 
 def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":

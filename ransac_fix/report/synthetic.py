@@ -36,6 +36,7 @@ class SetupRecord:
     noise: str
     scope: str
     placement: str
+    outliers: str
     limit: str
     conics: str
     ties: str
@@ -99,8 +100,8 @@ def variants_table(named: Sequence[tuple[str, Sequence[Row]]], *, markdown: bool
     header = (
         "variant",
         "AUC of both rules,\nmean distance",
-        "change of AUC@3\nat each I/n (paper)",
-        "N_e/a at each I/n\n(paper)",
+        "change of AUC@3 +- 95 %\nat each I/n (paper)",
+        "N_e/a +- 95 %\nat each I/n (paper)",
     )
     lines = []
     for name, rows in named:
@@ -117,11 +118,11 @@ def variants_table(named: Sequence[tuple[str, Sequence[Row]]], *, markdown: bool
                 name,
                 f"{sum(distances) / len(distances):.2f}",
                 "  ".join(
-                    f"{row.change[2].value:+.2f} ({paper_change(paper, 2):+.2f})"
+                    f"{_spread(row.change[2], 2)} ({paper_change(paper, 2):+.2f})"
                     for row, paper in compared
                 ),
                 "  ".join(
-                    f"{row.more_trials.value:+.1f} ({paper.more_trials:+.1f})"
+                    f"{_spread(row.more_trials, 1)} ({paper.more_trials:+.1f})"
                     for row, paper in compared
                 ),
             ]
@@ -179,6 +180,7 @@ def _choices(setup: Setup) -> str:
         "noise": setup.noise,
         "scope": setup.scope,
         "placement": setup.placement,
+        "outliers": setup.outliers,
         "limit": setup.limit,
         "ties": setup.ties,
         "error": setup.error,
@@ -232,6 +234,11 @@ def _signed(estimate: Estimate, digits: int) -> str:
     return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
 
 
+def _spread(estimate: Estimate, digits: int) -> str:
+    half = (estimate.high - estimate.low) / 2
+    return f"{estimate.value:+.{digits}f}+-{half:.{digits}f}"
+
+
 def _record(row: Row) -> RowRecord:
     setup = row.setup
     return RowRecord(
@@ -243,6 +250,7 @@ def _record(row: Row) -> RowRecord:
             setup.noise,
             setup.scope,
             setup.placement,
+            setup.outliers,
             setup.limit,
             setup.conics,
             setup.ties,

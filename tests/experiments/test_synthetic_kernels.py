@@ -115,6 +115,7 @@ def test_both_rules_on_lines_agree_with_the_textbook_loop(index, ties):
         {"conics": "redrawn"},
         {"scope": "measurement", "noise": "deviation"},
         {"limit": "square"},
+        {"outliers": "clear"},
     ],
 )
 @pytest.mark.parametrize("index", range(2))
@@ -197,6 +198,47 @@ def test_sampson_is_the_geometric_distance_near_the_ellipse():
     just_above, just_below = distances.max() * 1.02, distances.min() * 0.98
     assert kernels.count_sampson(x, y, np.full(100, just_above), ellipse) == 100
     assert kernels.count_sampson(x, y, np.full(100, just_below), ellipse) == 0
+
+
+def test_the_radial_distance_is_to_where_the_ray_from_the_centre_meets_the_ellipse():
+    ellipse = np.array([3.0, -2.0, 1 / 40**2, 0.0, 1 / 20**2])
+    angle = np.linspace(0, 2 * math.pi, 100)
+    u, v = 40 * np.cos(angle), 20 * np.sin(angle)
+    for off in (0.95, 1.1):
+        x, y = 3 + off * u, -2 + off * v
+        radial = abs(off - 1) * np.hypot(u, v)
+        assert kernels.count_radial(x, y, radial * 1.000001, ellipse) == 100
+        assert kernels.count_radial(x, y, radial * 0.999999, ellipse) == 0
+        assert (kernels.ellipse_distances(x, y, ellipse) <= radial * 1.000001).all()
+
+
+@pytest.mark.parametrize("shape", ["line", "ellipse"])
+@pytest.mark.parametrize("limit", ["distance", "square"])
+def test_clear_outliers_are_no_inliers_of_the_true_shape(shape, limit):
+    setup = Setup(shape, 100, 30, outliers="clear", limit=limit, scope="measurement")
+    anywhere = replace(setup, outliers="anywhere")
+    near = []
+    for i in range(40):
+        instance, other = make_instance(setup, 4, i), make_instance(anywhere, 4, i)
+        np.testing.assert_array_equal(instance.points[:30], other.points[:30])
+        moved = (instance.points[30:] != other.points[30:]).any(axis=1)
+        limits = {"distance": 3, "square": 3**0.5}[limit] * instance.deviations[30:]
+        # The true shape, from its own points.
+        if shape == "line":
+            model = line_through(instance.truth[[0, 1]])
+            distances = line_distances(model, other.points[30:])
+            kept = line_distances(model, instance.points[30:])
+        else:
+            model = np.empty(5)
+            x, y = np.ascontiguousarray(instance.truth.T)
+            order = np.argsort(np.arctan2(*(instance.truth - instance.truth.mean(axis=0)).T))
+            assert kernels.ellipse_through(x, y, order[::6].copy(), model)
+            distances = kernels.ellipse_distances(*np.ascontiguousarray(other.points[30:].T), model)
+            kept = kernels.ellipse_distances(*np.ascontiguousarray(instance.points[30:].T), model)
+        np.testing.assert_array_equal(moved, distances <= limits)
+        assert (kept > limits).all()
+        near.append(moved.sum())
+    assert sum(near) > 20
 
 
 def test_samples_are_distinct_and_uniform():

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ransac_fix.experiments.synthetic.setup import HALF_BOX, NOISE_RANGE, Setup
+from ransac_fix.experiments.synthetic import kernels
+from ransac_fix.experiments.synthetic.setup import HALF_BOX, NOISE_RANGE, WHITENED_LIMIT, Setup
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ def make_instance(setup: Setup, seed: int, index: int) -> Instance:
     ----------
     setup : Setup
         What it is like. Setups that differ only in how models are compared or judged share
-        their instances.
+        their instances, but for the limit of an inlier where outliers keep clear of it.
     seed, index : int
         Not negative.
     """
@@ -53,21 +54,38 @@ def make_instance(setup: Setup, seed: int, index: int) -> Instance:
     deviations = np.empty(setup.n_samples)
     deviations[:] = rng.uniform(*NOISE_RANGE, own) ** _NOISE_POWER[setup.noise]
     first, second = rng.integers(2**64, size=2, dtype=np.uint64)
-    truth = _on_segment(rng, setup) if setup.shape == "line" else _on_ellipse(rng, setup)
+    truth, model = _on_segment(rng, setup) if setup.shape == "line" else _on_ellipse(rng, setup)
     noisy = truth + rng.normal(0.0, deviations[: len(truth), None], truth.shape)
     outliers = rng.uniform(-HALF_BOX, HALF_BOX, (setup.n_samples - setup.n_inliers, 2))
     if setup.placement == "absent":
         noisy = rng.uniform(-HALF_BOX, HALF_BOX, truth.shape)
+    elif setup.outliers == "clear":
+        _clear(rng, outliers, model, WHITENED_LIMIT[setup.limit] * deviations[len(truth) :])
     return Instance(truth, np.concatenate((noisy, outliers)), deviations, (first, second))
 
 
-def _on_segment(rng: np.random.Generator, setup: Setup) -> FloatArray:
+def _clear(
+    rng: np.random.Generator, outliers: FloatArray, model: FloatArray, limit: FloatArray
+) -> None:
+    """Draw those outliers again, in place, that are inliers of the true model."""
+    distances = kernels.line_distances if len(model) == 3 else kernels.ellipse_distances
+    while True:
+        x, y = np.ascontiguousarray(outliers.T)
+        near = distances(x, y, model) <= limit
+        if not near.any():
+            return
+        outliers[near] = rng.uniform(-HALF_BOX, HALF_BOX, (int(near.sum()), 2))
+
+
+def _on_segment(rng: np.random.Generator, setup: Setup) -> tuple[FloatArray, FloatArray]:
+    """Return points of a segment, and a, b, c of its line a x + b y + c = 0, a^2 + b^2 = 1."""
     ends = rng.uniform(-HALF_BOX, HALF_BOX, (2, 2))
     if setup.placement == "whole":
         ends = _chord(ends)
     along: FloatArray = rng.uniform(size=(setup.n_inliers, 1))
     points: FloatArray = ends[0] + along * (ends[1] - ends[0])
-    return points
+    dx, dy = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    return points, np.array([-dy, dx, dy * ends[0, 0] - dx * ends[0, 1]])
 
 
 def _chord(ends: FloatArray) -> FloatArray:
@@ -79,7 +97,8 @@ def _chord(ends: FloatArray) -> FloatArray:
     return np.stack((ends[0] + start * direction, ends[0] + stop * direction))
 
 
-def _on_ellipse(rng: np.random.Generator, setup: Setup) -> FloatArray:
+def _on_ellipse(rng: np.random.Generator, setup: Setup) -> tuple[FloatArray, FloatArray]:
+    """Return points of an ellipse, and the ellipse as `kernels.ellipse_through` fills it."""
     while True:
         centre = rng.uniform(-HALF_BOX, HALF_BOX, 2)
         first, second = rng.uniform(0.0, HALF_BOX, 2)
@@ -90,4 +109,9 @@ def _on_ellipse(rng: np.random.Generator, setup: Setup) -> FloatArray:
             break
     around = rng.uniform(0.0, 2.0 * math.pi, setup.n_inliers)
     u, v = first * np.cos(around), second * np.sin(around)
-    return np.stack((centre[0] + cosine * u - sine * v, centre[1] + sine * u + cosine * v), axis=1)
+    points = np.stack(
+        (centre[0] + cosine * u - sine * v, centre[1] + sine * u + cosine * v), axis=1
+    )
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    matrix = turn.T @ np.diag((first**-2.0, second**-2.0)) @ turn
+    return points, np.array([*centre, matrix[0, 0], 2.0 * matrix[0, 1], matrix[1, 1]])

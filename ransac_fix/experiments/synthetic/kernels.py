@@ -205,6 +205,18 @@ def count_sampson(x: FloatArray, y: FloatArray, limit: FloatArray, ellipse: Floa
 
 
 @compiled
+def count_radial(x: FloatArray, y: FloatArray, limit: FloatArray, ellipse: FloatArray) -> int:
+    """Return how many points are within their limit of where their ray meets the ellipse."""
+    cx, cy, m0, m1, m2 = ellipse[0], ellipse[1], ellipse[2], ellipse[3], ellipse[4]
+    count = 0
+    for i in range(x.size):
+        dx, dy = x[i] - cx, y[i] - cy
+        rho = math.sqrt(m0 * dx * dx + m1 * dx * dy + m2 * dy * dy)
+        count += abs(rho - 1.0) * math.sqrt(dx * dx + dy * dy) <= limit[i] * rho
+    return count
+
+
+@compiled
 def count_geometric(
     x: FloatArray,
     y: FloatArray,
@@ -358,16 +370,17 @@ def fit_ellipses(
     approximate_trials: IntArray,
     exact_trials: IntArray,
     ties: int,
-    sampson: bool,
+    distance: int,
     redrawn: bool,
     trials: IntArray,
     models: FloatArray,
 ) -> int:
     """Run RANSAC for an ellipse under both rules.
 
-    Parameters and result as in `fit_lines`, but for `sampson` (Sampson's first-order distance in
-    place of the geometric one decides who is an inlier), `redrawn` (a trial draws until its five
-    points lie on an ellipse) and `models` of shape (2, 5), as `ellipse_through` fills them.
+    Parameters and result as in `fit_lines`, but for `distance` (who is an inlier is decided by the
+    geometric distance (0), Sampson's first-order one (1) or the one along the ray from the centre
+    (2)), `redrawn` (a trial draws until its five points lie on an ellipse) and `models` of shape
+    (2, 5), as `ellipse_through` fills them.
     """
     n = x.size
     state = np.empty(1, np.uint64)
@@ -393,8 +406,10 @@ def fit_ellipses(
             continue
         tests += n
         to_beat = best if ties > 0 else best + 1
-        if sampson:
+        if distance == 1:
             count = count_sampson(x, y, limit, ellipse)
+        elif distance == 2:
+            count = count_radial(x, y, limit, ellipse)
         else:
             count = count_geometric(x, y, limit, ellipse, to_beat, axes)
         if count < to_beat:

@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _TIES = {"first": 0, "inliers": 1, "all": 2}
+_DISTANCES = {"geometric": 0, "sampson": 1, "radial": 2}
 _ENDLESS = np.iinfo(np.int64).max
 
 
@@ -89,8 +90,8 @@ def _fit(
     common = (x, y, limit, stream, approximate, exact, _TIES[setup.ties])
     if setup.shape == "line":
         return kernels.fit_lines(*common, trials, models)
-    sampson, redrawn = setup.distance == "sampson", setup.conics == "redrawn"
-    return kernels.fit_ellipses(*common, sampson, redrawn, trials, models)
+    distance, redrawn = _DISTANCES[setup.distance], setup.conics == "redrawn"
+    return kernels.fit_ellipses(*common, distance, redrawn, trials, models)
 
 
 def gain(setup: Setup, instance: Instance, model: FloatArray) -> FloatArray:

@@ -9,10 +9,11 @@ Shape = Literal["line", "ellipse"]
 Noise = Literal["determinant", "variance", "deviation"]
 Scope = Literal["instance", "measurement"]
 Placement = Literal["free", "whole", "absent"]
+Outliers = Literal["anywhere", "clear"]
 Limit = Literal["distance", "square"]
 Conics = Literal["counted", "redrawn"]
 Ties = Literal["first", "inliers", "all"]
-Distance = Literal["geometric", "sampson"]
+Distance = Literal["geometric", "sampson", "radial"]
 Error = Literal["euclidean", "whitened"]
 Streams = Literal["shared", "own"]
 
@@ -49,6 +50,9 @@ class Setup:
         them (whole). An ellipse with a uniform centre, semi-axes uniform in [0, 100] and a
         uniform direction (free), or the same drawn again until the box holds it whole. Absent is
         a control: as free, but all measurements are outliers.
+    outliers : "anywhere" or "clear"
+        Uniform in the box, which leaves some of them near the shape, or drawn again until none
+        is an inlier of the true line or ellipse, so that the ratio of inliers is what it says.
     limit : "distance" or "square"
         Whether an inlier's whitened distance, or its square, is at most 3.
     conics : "counted" or "redrawn"
@@ -58,8 +62,9 @@ class Setup:
         Of two models with as many inliers the better is the first, the one with the smaller sum
         of squared whitened distances of its inliers (as in COLMAP, whose RANSAC is of the
         paper's first author), or the same over all measurements (as in scikit-image).
-    distance : "geometric" or "sampson"
-        The ellipse's distance that decides who is an inlier.
+    distance : "geometric", "sampson" or "radial"
+        The ellipse's distance that decides who is an inlier; radial is along the ray from the
+        ellipse's centre, which is longer than the geometric one but on the axes.
     error : "euclidean" or "whitened"
         Unit of a ground-truth point's distance to the model in the AUC: the box's, or the
         noise's deviation.
@@ -75,6 +80,7 @@ class Setup:
     noise: Noise = "determinant"
     scope: Scope = "instance"
     placement: Placement = "free"
+    outliers: Outliers = "anywhere"
     limit: Limit = "distance"
     conics: Conics = "counted"
     ties: Ties = "inliers"

@@ -102,6 +102,8 @@ def variants(shape: Shape) -> Iterator[tuple[str, dict[str, str]]]:
     yield "ties: residuals of all measurements", {"ties": "all"}
     placed = "whole chords of the box" if shape == "line" else "ellipses wholly in the box"
     yield placed, {"placement": "whole"}
+    clear = {"outliers": "clear"}
+    yield "outliers clear of the true shape", clear
     yield "noise: variance in [0.5, 2]", {"noise": "variance"}
     yield "noise: deviation in [0.5, 2]", {"noise": "deviation"}
     yield "noise: drawn for each measurement", {"scope": "measurement"}
@@ -109,8 +111,13 @@ def variants(shape: Shape) -> Iterator[tuple[str, dict[str, str]]]:
     yield "AUC of whitened errors", {"error": "whitened"}
     yield "each rule on its own samples", {"streams": "own"}
     if shape == "ellipse":
+        redrawn, radial = {"conics": "redrawn"}, {"distance": "radial"}
         yield "inliers by Sampson's distance", {"distance": "sampson"}
-        yield "points on no ellipse: drawn again", {"conics": "redrawn"}
+        yield "inliers by the radial distance", radial
+        yield "points on no ellipse: drawn again", redrawn
+        yield "outliers clear, points drawn again", clear | redrawn
+        yield "outliers clear, radial distance", clear | radial
+        yield "outliers clear, squared distance at most 3", clear | {"limit": "square"}
     yield "control: outliers only", {"placement": "absent"}
 
 
