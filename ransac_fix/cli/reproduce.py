@@ -293,13 +293,6 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
             help="Only the data sets with this in their name. Several times for several.",
         ),
         click.option(
-            "--library",
-            type=click.Choice(["poselib", "opencv", "colmap"]),
-            default="poselib",
-            show_default=True,
-            help="Which library runs, bare; the paper's is PoseLib.",
-        ),
-        click.option(
             "--repeats",
             type=click.IntRange(1),
             help="Subsamples of each pair; 5 by default, 100 of the stereo pair.",
@@ -339,6 +332,15 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
 @command.command(help="The paper's camera pose tables, on real correspondences.")
 @_pose_options
 @click.option(
+    "--library",
+    "libraries",
+    type=_LIBRARIES,
+    multiple=True,
+    default=("poselib",),
+    show_default=True,
+    help="Which library runs, bare; the paper's is PoseLib. Several times for several.",
+)
+@click.option(
     "--kind", "kinds", multiple=True, type=click.Choice(_KINDS), help="All kinds by default."
 )
 @click.option(
@@ -366,6 +368,9 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
 )
 @click.option("--by-dataset", is_flag=True, help="Also a table for each data set.")
 @click.option(
+    "--brief", is_flag=True, help="One table of all libraries, a line a row: AUC@10, trials, time."
+)
+@click.option(
     "--output-format",
     type=click.Choice(["text", "markdown", "json"]),
     default="text",
@@ -374,7 +379,7 @@ def _pose_options(function: "Callable[..., None]") -> "Callable[..., None]":
 def pose(
     data: Path | None,
     datasets: tuple[str, ...],
-    library: str,
+    libraries: tuple[str, ...],
     repeats: int | None,
     cap: int,
     pairs: int | None,
@@ -386,14 +391,17 @@ def pose(
     confidences: tuple[float, ...],
     patch: bool,
     by_dataset: bool,
+    brief: bool,
     output_format: str,
 ) -> None:
     """Run both rules on subsamples of real pairs and print the tables."""
+    if brief and output_format == "json":
+        raise click.UsageError("--brief has no JSON: choose text or markdown")
     ns = ns or ((20, 50) if data is None else (20, 100, 200, 1000))
     rows = _pose_rows(
         data,
         datasets,
-        library,
+        tuple(dict.fromkeys(libraries)),
         repeats,
         cap,
         pairs,
@@ -410,15 +418,22 @@ def pose(
 
     paper = data is not None
     if output_format == "json":
-        click.echo(report.pose_json(rows, library))
+        click.echo(report.pose_json(rows))
     elif output_format == "markdown":
-        click.echo(report.pose_markdown(rows, library, paper=paper))
+        click.echo(report.pose_markdown(rows, paper=paper, brief=brief))
     else:
-        click.echo(report.pose_text(rows, library, paper=paper))
+        click.echo(report.pose_text(rows, paper=paper, brief=brief))
 
 
 @command.command(help="The paper's teaser: accuracy against run time as s varies, both rules.")
 @_pose_options
+@click.option(
+    "--library",
+    type=_LIBRARIES,
+    default="poselib",
+    show_default=True,
+    help="Which library runs, bare; the paper's is PoseLib.",
+)
 @click.option(
     "--kind", type=click.Choice(_KINDS), default="essential", show_default=True, help="Problem."
 )
@@ -459,7 +474,7 @@ def teaser(
     rows = _pose_rows(
         data,
         datasets,
-        library,
+        (library,),
         repeats,
         cap,
         pairs,
@@ -484,7 +499,7 @@ def teaser(
 def _pose_rows(
     data: Path | None,
     datasets: tuple[str, ...],
-    library: str,
+    libraries: tuple[str, ...],
     repeats: int | None,
     cap: int,
     pairs: int | None,
@@ -519,18 +534,19 @@ def _pose_rows(
             f"no pair of kind {', '.join(kinds)} has {min(ns)} correspondences or more"
             + (f" in the data sets named {', '.join(datasets)}" if datasets else "")
         )
-    patched = None
     if patch:
         from ransac_fix.patching import patched as patched_library
-
-        patched = partial(patched_library, library)
-    settings = Settings(library, ns, confidences, repeats, cap, seed, patched)
-    with progress_bar(f"pose, {library}") as progress:
-        cases = run_problems(
-            problems,
-            settings,
-            n_jobs=jobs,
-            store=None if results is None else Store(results),
-            progress=progress,
-        )
-    return summarise(cases, by_dataset=by_dataset)
+    rows = []
+    for library in libraries:
+        patched = partial(patched_library, library) if patch else None
+        settings = Settings(library, ns, confidences, repeats, cap, seed, patched)
+        with progress_bar(f"pose, {library}") as progress:
+            cases = run_problems(
+                problems,
+                settings,
+                n_jobs=jobs,
+                store=None if results is None else Store(results),
+                progress=progress,
+            )
+        rows += summarise(cases, library, by_dataset=by_dataset)
+    return rows

@@ -143,7 +143,7 @@ def _draw_panel(axes: "Axes", panel: Panel, figure: TheoryFigure, name: str) -> 
         axes.set_xscale("log")
     else:
         axes.set_xlim(0, 1 if figure.over == "p" else None)
-    axes.legend(handlelength=3.2)
+    axes.legend(handlelength=3.2, loc="lower right" if figure.over == "N" else "best")
 
 
 def _plain(label: str) -> str:

@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
-from ransac_fix.experiments.pose.tables import PAPER, THRESHOLDS, Row
+from ransac_fix.experiments.pose.tables import PAPER, PAPER_MILLISECONDS, THRESHOLDS, Row
 from ransac_fix.report.drawing import LINE_STYLES, figure_settings, save_figure
 from ransac_fix.report.text_table import markdown_table, text_table
 
@@ -24,38 +24,59 @@ _PATCHED_HEADER = ("n", "s", "measure", "bare", "patched", "change [95 %]")
 _PAPER_HEADER = ("paper: approximate", "exact", "change")
 
 
+_BRIEF_HEADER = (
+    "",
+    "n",
+    "s",
+    "library",
+    "AUC@10 {}",
+    "{}",
+    "change [95 %]",
+    "paper",
+    "trials: {}",
+    "{}",
+    "ms: {}",
+    "{}",
+    "pairs",
+    "capped",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class PoseDocument:
     """What ``ransac-fix reproduce pose`` prints as JSON."""
 
     schema_version: Literal[1]
-    library: str
     rows: tuple[Row, ...]
 
 
-def pose_text(rows: Sequence[Row], library: str, *, paper: bool) -> str:
-    """Return a table for each kind of problem and data set, for the terminal.
+def pose_text(rows: Sequence[Row], *, paper: bool, brief: bool = False) -> str:
+    """Return a table for each library, kind of problem and data set, for the terminal.
 
     Parameters
     ----------
     rows : sequence of Row
-        In the order of `summarise`.
-    library : str
-        What was run.
+        In the order of `summarise`, one library after the other.
     paper : bool
         Whether the paper's numbers stand beside ours.
+    brief : bool, default False
+        One table of all libraries, a line a row, AUC@10 only.
     """
-    return _tables(rows, library, paper=paper, markdown=False)
+    if brief:
+        return text_table(*_brief(rows, paper=paper), left=4)
+    return _tables(rows, paper=paper, markdown=False)
 
 
-def pose_markdown(rows: Sequence[Row], library: str, *, paper: bool) -> str:
+def pose_markdown(rows: Sequence[Row], *, paper: bool, brief: bool = False) -> str:
     """Return the same as Markdown."""
-    return _tables(rows, library, paper=paper, markdown=True)
+    if brief:
+        return markdown_table(*_brief(rows, paper=paper), left=4)
+    return _tables(rows, paper=paper, markdown=True)
 
 
-def pose_json(rows: Sequence[Row], library: str) -> str:
+def pose_json(rows: Sequence[Row]) -> str:
     """Return the rows as a JSON document; its schema is `schemas/pose.json`."""
-    return json.dumps(asdict(PoseDocument(SCHEMA_VERSION, library, tuple(rows))), indent=2)
+    return json.dumps(asdict(PoseDocument(SCHEMA_VERSION, tuple(rows))), indent=2)
 
 
 def teaser_text(rows: Sequence[Row]) -> str:
@@ -96,11 +117,11 @@ def draw_teaser(rows: Sequence[Row], path: Path) -> None:
                     f"{row.confidence:g}",
                     (x, y),
                     textcoords="offset points",
-                    xytext=(4, -8) if rule else (-4, 5),
-                    ha="left" if rule else "right",
+                    xytext=(4, -8) if rule else (0, 6),
+                    ha="left" if rule else "center",
                     fontsize=6,
                 )
-        axes.margins(x=0.12, y=0.12)
+        axes.margins(x=0.14, y=0.14)
         axes.set_xlabel("mean processor time (ms)")
         axes.set_ylabel("AUC@10 (%)")
         axes.set_title(f"{_NAMES[rows[0].kind]}, $n={rows[0].n_samples}$, a point a confidence $s$")
@@ -108,11 +129,35 @@ def draw_teaser(rows: Sequence[Row], path: Path) -> None:
         save_figure(figure, path)
 
 
-def _tables(rows: Sequence[Row], library: str, *, paper: bool, markdown: bool) -> str:
+def _brief(rows: Sequence[Row], *, paper: bool) -> tuple[list[str], list[list[str]]]:
+    """Return header and cells of one table: all libraries, AUC@10 only."""
+    order = list(_NAMES)
+    cells = []
+    for row in sorted(rows, key=lambda r: (order.index(r.kind), r.unit, r.n_samples, r.confidence)):
+        theirs = PAPER[row.kind].get((row.n_samples, row.confidence)) if paper else None
+        place = row.unit if row.dataset == "all" else row.dataset
+        line = [f"{_NAMES[row.kind]}, {place}", f"{row.n_samples}", f"{row.confidence:g}"]
+        line += [row.library, f"{row.approximate[1]:.2f}", f"{row.exact[1]:.2f}", _change(row, 1)]
+        line.append("" if theirs is None else _paper_change(theirs, 1))
+        line += ["", ""] if row.trials is None else [f"{t:,.1f}" for t in row.trials]
+        line += [f"{1e3 * t:.3f}" for t in row.seconds]
+        line.append(f"{row.n_problems:,}")
+        line.append("" if row.capped is None else f"{row.capped:.1f} %")
+        cells.append(line)
+    names = iter((_HEADER if rows[0].trials is not None else _PATCHED_HEADER)[3:5] * 3)
+    header = [title.format(next(names)) if "{}" in title else title for title in _BRIEF_HEADER]
+    # Columns without anything in them are left out: the paper's, or those of unknown trials.
+    kept = [i for i in range(len(header)) if any(line[i] for line in cells)]
+    return [header[i] for i in kept], [[line[i] for i in kept] for line in cells]
+
+
+def _tables(rows: Sequence[Row], *, paper: bool, markdown: bool) -> str:
     parts = []
     own = _PATCHED_HEADER if rows[0].trials is None else _HEADER
     header = (*own, *_PAPER_HEADER) if paper else own
-    for (kind, unit, dataset), group in groupby(rows, lambda r: (r.kind, r.unit, r.dataset)):
+    for (library, kind, unit, dataset), group in groupby(
+        rows, lambda r: (r.library, r.kind, r.unit, r.dataset)
+    ):
         found = list(group)
         shown = "" if dataset == "all" else f", {dataset}"
         title = f"{_NAMES[kind]} ({library}), errors in {unit}{shown}"
@@ -138,12 +183,15 @@ def _lines(row: Row, *, paper: bool) -> list[list[str]]:
             _change(row, i),
         ]
         if theirs is not None:
-            before, after = theirs[0][i], theirs[1][i]
-            line += [f"{before:.2f}", f"{after:.2f}", f"{100 * (after / before - 1):+.2f}"]
+            line += [f"{theirs[0][i]:.2f}", f"{theirs[1][i]:.2f}", _paper_change(theirs, i)]
         lines.append(line)
     if row.trials is not None:
         lines.append([*at, "trials", *(f"{t:,.1f}" for t in row.trials), _more(row.trials)])
-    lines.append([*at, "ms", *(f"{1e3 * t:.3f}" for t in row.seconds), _more(row.seconds)])
+    times = [*at, "ms", *(f"{1e3 * t:.3f}" for t in row.seconds), _more(row.seconds)]
+    if theirs is not None:
+        ms = PAPER_MILLISECONDS[row.kind][row.n_samples, row.confidence]
+        times += [f"{ms[0]:g}", f"{ms[1]:g}", _more(ms)]
+    lines.append(times)
     size = f"{row.n_problems:,} pairs, {row.n_cases:,} subsamples"
     shares = (
         ""
@@ -152,6 +200,10 @@ def _lines(row: Row, *, paper: bool) -> list[list[str]]:
     )
     lines.append([*at, size, "", "", shares])
     return lines
+
+
+def _paper_change(theirs: tuple[tuple[float, ...], tuple[float, ...]], i: int) -> str:
+    return f"{100 * (theirs[1][i] / theirs[0][i] - 1):+.2f}"
 
 
 def _more(pair: tuple[float, float]) -> str:

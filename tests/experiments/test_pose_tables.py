@@ -19,7 +19,7 @@ from ransac_fix.experiments.pose.libraries import LIBRARIES
 from ransac_fix.experiments.pose.loaders import load_stereo_pair
 from ransac_fix.experiments.pose.runs import Case, RuleRun, Settings, run_case
 from ransac_fix.experiments.pose.stopping import first_stop
-from ransac_fix.experiments.pose.tables import PAPER, summarise
+from ransac_fix.experiments.pose.tables import PAPER, PAPER_MILLISECONDS, summarise
 from ransac_fix.report.pose import PoseDocument, pose_markdown, pose_text
 
 CONFIDENCE = 0.99
@@ -261,7 +261,9 @@ def made(name, errors, trials=(10, 20), dataset="d", unit="degrees", repeat=0):
 
 def test_auc_is_the_area_under_the_share_of_errors_below():
     errors = np.array([0.0, 2.0, 7.0, 30.0, np.inf])
-    row = summarise([made(str(i), (e, e)) for i, e in enumerate(errors)], by_dataset=False)[0]
+    row = summarise(
+        [made(str(i), (e, e)) for i, e in enumerate(errors)], "poselib", by_dataset=False
+    )[0]
     for threshold, auc in zip((5, 10, 20), row.approximate, strict=True):
         grid = (np.arange(100_000) + 0.5) / 100_000 * threshold
         share = (errors[:, None] <= grid).mean(axis=0)
@@ -275,7 +277,9 @@ def test_subsamples_of_a_pair_count_as_one():
     """Repeating every subsample leaves the interval as it was: nothing was learnt."""
     once = [made(str(i), (e, 0.8 * e)) for i, e in enumerate((1.0, 2, 3, 4, 6, 7))]
     often = [replace(case, repeat=r) for case in once for r in range(5)]
-    first, second = (summarise(cases, by_dataset=False)[0].change[1] for cases in (once, often))
+    first, second = (
+        summarise(cases, "poselib", by_dataset=False)[0].change[1] for cases in (once, often)
+    )
     assert second.low == pytest.approx(first.low)
     assert second.high == pytest.approx(first.high)
     assert first.low < first.value < first.high
@@ -287,7 +291,7 @@ def test_rows_by_dataset_and_by_unit_stay_apart():
         made("b", (1.0, 1.0), dataset="e"),
         made("c", (2.0, 2.0), unit="pixels", dataset="e"),
     ]
-    rows = summarise(cases, by_dataset=True)
+    rows = summarise(cases, "poselib", by_dataset=True)
     assert [(r.unit, r.dataset, r.n_cases) for r in rows] == [
         ("degrees", "all", 2),
         ("degrees", "d", 1),
@@ -298,18 +302,23 @@ def test_rows_by_dataset_and_by_unit_stay_apart():
 
 
 def test_nothing_estimated_has_no_relative_change():
-    row = summarise([made("a", (np.inf, np.inf)), made("b", (40.0, 1.0))], by_dataset=False)[0]
+    row = summarise(
+        [made("a", (np.inf, np.inf)), made("b", (40.0, 1.0))], "poselib", by_dataset=False
+    )[0]
     assert row.change == (None, None, None)
-    assert "nan" not in pose_text([row], "poselib", paper=True)
+    assert "nan" not in pose_text([row], paper=True)
 
 
 def test_a_single_subsample_has_no_interval():
-    row = summarise([made("a", (1.0, 2.0))], by_dataset=False)[0]
+    row = summarise([made("a", (1.0, 2.0))], "poselib", by_dataset=False)[0]
     assert row.change == (None, None, None)
 
 
 def test_the_papers_tables_are_whole():
     assert all(len(table) == 8 for table in PAPER.values())
+    assert {k: set(v) for k, v in PAPER.items()} == {
+        k: set(v) for k, v in PAPER_MILLISECONDS.items()
+    }
 
 
 def test_the_stereo_pair_runs_from_the_command_line():
@@ -342,9 +351,38 @@ def test_json_follows_the_schema():
 
 
 def test_markdown_has_the_papers_numbers_where_asked():
-    row = summarise([made("a", (1.0, 1.0))], by_dataset=False)[0]
-    assert "26.08" in pose_markdown([row], "poselib", paper=True)
-    assert "26.08" not in pose_markdown([row], "poselib", paper=False)
+    row = summarise([made("a", (1.0, 1.0))], "poselib", by_dataset=False)[0]
+    assert "26.08" in pose_markdown([row], paper=True)
+    assert "26.08" not in pose_markdown([row], paper=False)
+    # The paper's run times stand beside ours.
+    assert "| ms | 1.000 | 1.000 | +0.0 | 0.6 | 1.4 | +133.3 |" in pose_markdown([row], paper=True)
+
+
+def test_a_brief_table_has_a_line_for_each_library():
+    rows = [
+        replace(row, library=library)
+        for library in ("opencv", "poselib")
+        for row in summarise([made("a", (1.0, 1.0)), made("b", (2.0, 1.0))], "", by_dataset=False)
+    ]
+    lines = pose_markdown(rows, paper=True, brief=True).splitlines()
+    assert [line.split(" | ")[3] for line in lines[2:]] == ["opencv", "poselib"]
+    assert "85.00 | 90.00 | +5.88" in lines[2]
+    assert "| +1.77 | 10.0 | 20.0 | 1.000 | 1.000 | 2 | 0.0 % |" in lines[2]
+    assert "paper" not in pose_text(rows, paper=False, brief=True)
+    # Nothing is known of the trials of patched libraries, so there is no such column.
+    text = pose_text([replace(rows[0], trials=None, capped=None)], paper=False, brief=True)
+    assert "patched" in text
+    assert "trials" not in text
+    assert "capped" not in text
+
+
+def test_several_libraries_come_out_of_one_command():
+    args = ["--library", "opencv", "--library", "poselib", "--library", "opencv"]
+    text = run("pose", *args, "--kind", "pnp", "--repeats", "2", "--n", "20")
+    assert [line for line in text.splitlines() if "Perspective" in line] == [
+        "Perspective-n-Point (opencv), errors in degrees or percent of depth",
+        "Perspective-n-Point (poselib), errors in degrees or percent of depth",
+    ]
 
 
 def test_the_teaser_comes_out_of_one_command(tmp_path):
@@ -362,6 +400,7 @@ def test_the_teaser_comes_out_of_one_command(tmp_path):
         (["pose", "--jobs", "0"], "--jobs 0"),
         (["pose", "--confidence", "1"], "--confidence"),
         (["pose", "--n", "5"], "--n"),
+        (["pose", "--brief", "--output-format", "json"], "--brief has no JSON"),
     ],
 )
 def test_bad_input_is_one_clear_error(args, message):
