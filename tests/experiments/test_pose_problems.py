@@ -80,6 +80,7 @@ def test_pose_error_is_the_larger_angle():
 
 
 @given(st.floats(0, 175), st.integers(0, 2**31))
+@settings(derandomize=True)
 def test_rotation_angle_keeps_its_digits(degrees, seed):
     axis = np.random.default_rng(seed).normal(size=3)
     axis /= np.linalg.norm(axis)
@@ -131,7 +132,7 @@ def test_subsamples_depend_on_names_and_numbers_alone():
 
 
 @given(st.data())
-@settings(max_examples=300)
+@settings(max_examples=300, derandomize=True)
 def test_first_stop_is_the_first_of_all_trials(data):
     cap = data.draw(st.integers(1, 120))
     growth = data.draw(st.lists(st.integers(1, 120), max_size=8).map(sorted))

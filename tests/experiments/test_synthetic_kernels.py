@@ -137,7 +137,7 @@ def test_both_rules_on_ellipses_agree_with_the_textbook_loop(index, changes):
 
 
 @given(st.integers(0, 2**32), st.integers(0, 3))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, derandomize=True)
 def test_ellipse_through_five_points_is_the_references(seed, squeeze):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-100, 100, (5, 2)) * [1, 10.0**-squeeze]
@@ -159,7 +159,7 @@ COORDINATES = st.floats(-2000, 2000).map(lambda u: 0.0 if abs(u) < 1e-100 else u
 
 
 @given(st.floats(0.01, 1000), st.floats(1e-3, 1), COORDINATES, COORDINATES)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200, derandomize=True)
 def test_distance_to_an_ellipse_is_the_references(a, flatness, u, v):
     b = a * flatness
     expected = Ellipse().residuals(np.array([0, 0, a, b, 0]), np.array([[u, v]]))[0]
@@ -169,7 +169,7 @@ def test_distance_to_an_ellipse_is_the_references(a, flatness, u, v):
 
 
 @given(st.integers(0, 2**32))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100, derandomize=True)
 def test_bounds_before_the_measurement_never_change_the_count(seed):
     """Thin and round ellipses, limits smaller and larger than their axes."""
     rng = np.random.default_rng(seed)

@@ -95,6 +95,7 @@ def test_marked_points_are_what_the_criterion_says(panels, value):
 
 
 @given(st.integers(1, 60), st.data())
+@settings(derandomize=True)
 def test_the_product_is_the_ratio_of_subsets_where_inliers_are_whole(n, data):
     inliers, k = data.draw(st.integers(0, n)), data.draw(st.integers(1, n))
     assert exact_probability(Fraction(inliers, n), Fraction(n), k) == Fraction(
@@ -107,7 +108,7 @@ def test_the_product_is_the_ratio_of_subsets_where_inliers_are_whole(n, data):
     st.floats(0, 5),
     st.lists(st.floats(0, 1), min_size=8, max_size=8),
 )
-@settings(deadline=None)
+@settings(derandomize=True)
 def test_no_division_of_the_trials_beats_the_best(inliers, magnitude, shares):
     mean_trials = 10.0**magnitude
     approximate, exact, best = tradeoff(inliers, 50, 5, mean_trials)
