@@ -27,6 +27,7 @@ from ransac_fix.scan.findings import Finding
 from ransac_fix.scan.scanner import decode, scan_data, scan_source
 
 RULES = ("RFX001", "RFX002", "RFX003")
+_MISREAD = (("apriori", "RFX001"), ("adaptive", "RFX002"))
 Row = dict[str, str]
 
 
@@ -98,6 +99,8 @@ def main() -> None:
                     mode = row["note"].partition("mode=")[2].split(";")[0].split("(")[0]
                     if read == "not with":
                         samplers[f"{mode}, read as {found[number].code}"] += 1
+                    if (mode, found[number].code) in _MISREAD:
+                        print(f"MODE     {repo} {path}:{row['line_start']}: {mode}")
                     if drawn and (read == "with") != (drawn == "with"):
                         print(f"SAMPLER  {repo} {path}:{row['line_start']}: {drawn}, read {read}")
         for number, finding in enumerate(found):

@@ -12,6 +12,7 @@ and products of falling factors. ``w*w*w``, ``w**3``, ``pow(w, 3)``, ``exp(3*log
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice, pairwise
@@ -260,6 +261,8 @@ def has_structure(expr: Expr, depth: int = 0) -> bool:
     match plain(expr):
         case Op(op="pow"):
             return True
+        case Op(op="mul", args=(left, right)) if key(left) == key(right):
+            return True  # 0.7 * 0.7
         case Op(op="mul" | "div", args=args) if depth < 6:
             return any(has_structure(arg, depth + 1) for arg in args)
     return False
@@ -273,7 +276,8 @@ class Power:
     """``base ** (exponent * symbol)``.
 
     ``written`` and ``raised`` are the exponent and the base of the power as written, ``whole`` the
-    power itself; the base may since have been taken apart.
+    power itself; the base may since have been taken apart. ``repeated`` marks a number that is
+    written as often as its power says.
     """
 
     base: Expr
@@ -282,6 +286,7 @@ class Power:
     written: Expr | None = None
     raised: Expr | None = None
     whole: Expr | None = None
+    repeated: bool = False
 
     def to(self, base: Expr, times: float = 1.0) -> "Power":
         """Raise another base to this power, or to a multiple of it."""
@@ -303,7 +308,7 @@ def monomials(expr: Expr) -> Iterator[Monomial]:
     """Yield the ways an expression reads as a product."""
     for factors in islice(_factorings(expr, Power(expr), 0), _WAYS):
         monomial = Monomial()
-        for factor in factors:
+        for factor in _with_powers_of_numbers(factors):
             _collect(factor, monomial)
         yield monomial
 
@@ -453,11 +458,43 @@ def depends_on(expr: Expr, loop: str, depth: int = 0) -> bool:
     return False
 
 
+def _with_powers_of_numbers(factors: list[Power]) -> list[Power]:
+    """Read a number that is a factor several times as a power of it: ``0.7 * 0.7``.
+
+    It is one where it could be a ratio by itself, or where as many factors divide: ``r * r`` with
+    ``r = 2 / n`` is (2/n)**2.
+    """
+    times = Counter(_plain_number(factor) for factor in factors)
+    del times[None]
+    repeated = {value for value, count in times.items() if count > 1}
+    if not repeated:
+        return factors
+    divided = Counter(key(factor.base) for factor in factors if factor.exponent == -1.0)
+    most_divided = max(divided.values(), default=0)
+    powers = {
+        value
+        for value in repeated
+        if value is not None and (value < 1.0 or times[value] == most_divided)
+    }
+    return [
+        replace(factor, repeated=True) if _plain_number(factor) in powers else factor
+        for factor in factors
+    ]
+
+
+def _plain_number(factor: Power) -> float | None:
+    """Give the value of a factor that is a positive number, raised to no power."""
+    base = plain(factor.base)
+    if isinstance(base, Num) and factor.exponent == 1.0 and factor.written is None:
+        return base.value if base.value > 0.0 and factor.symbol is None else None
+    return None
+
+
 def _collect(factor: Power, monomial: Monomial) -> None:
     inner = plain(factor.base)
     sign = 1 if factor.exponent > 0 else -1
     match inner:
-        case Num(value=value) if factor.written is None:
+        case Num(value=value) if factor.written is None and not factor.repeated:
             # A constant raised to a power is an assumed ratio; any other is a factor.
             monomial.constant *= value if sign > 0 else (1.0 / value if value else math.inf)
         case Fn(name="falling", args=(body,)):

@@ -51,6 +51,12 @@ _BLOCKS = frozenset(
     )
 )
 _MAX_DEPTH = 400
+# The names that a file gives to types, and how those of other files end.
+_NAMED_TYPE = re.compile(
+    r"\b(?:typename|class|using)\s+(\w+)\s*[,>=]|\btypedef\b[^;{}]*\b(\w+)\s*;"
+)
+_DISTRIBUTION = re.compile(r"\buniform_(?:int|smallint)(?:_distribution)?\b")
+_SAYS_TYPE = re.compile(r"T|FT|RT|Float|Double|\w*(?:Scalar|Real|Type|_type|_t)")
 
 Node = tree_sitter.Node
 
@@ -87,6 +93,9 @@ class _Reader:
         self._owner: str | None = None
         self._locals: set[str] | None = None
         self._depth = 0
+        self._distributions: set[str] = set()
+        named = _NAMED_TYPE.findall(source)
+        self._types = frozenset(name for pair in named for name in pair if name)
 
     def module(self) -> form.Module:
         return form.Module(tuple(self._statements(self.root.named_children)))
@@ -137,8 +146,11 @@ class _Reader:
             case "expression_statement":
                 for child in node.named_children:
                     self._effect(child, out)
+                    if child.type != "update_expression":
+                        self._steps(child, out)
             case "if_statement":
                 test = self._condition(node.child_by_field_name("condition"), out)
+                self._steps(node.child_by_field_name("condition"), out)
                 out.append(
                     form.If(
                         test,
@@ -167,8 +179,10 @@ class _Reader:
                 before: list[Stmt] = []
                 test = self._condition(node.child_by_field_name("condition"), before)
                 out.extend(before)
-                body = self._block(node.child_by_field_name("body"))
-                out.append(form.Loop((), None, test, body, self.span(node)))
+                run: list[Stmt] = []
+                self._steps(node.child_by_field_name("condition"), run)
+                run += self._block(node.child_by_field_name("body"))
+                out.append(form.Loop((), None, test, tuple(run), self.span(node)))
             case "return_statement" | "co_return_statement":
                 value = next(iter(node.named_children), None)
                 out.append(form.Leave("return", self.expr(value) if value is not None else None))
@@ -244,11 +258,15 @@ class _Reader:
             if child.type.endswith("_specifier") and child.child_by_field_name("body") is not None:
                 self._statement(child, out)
         default = node.child_by_field_name("default_value")
+        kind = node.child_by_field_name("type")
+        draws = kind is not None and _DISTRIBUTION.search(self.text(kind)) is not None
         for declarator in node.children_by_field_name("declarator"):
             name = self._declared(declarator)
             if not name:
                 continue
             self._declare(name)
+            if draws:
+                self._distributions.add(name)
             value = default
             if declarator.type == "init_declarator":
                 value = declarator.child_by_field_name("value")
@@ -258,6 +276,7 @@ class _Reader:
                 self._lambda(name, value, out)
                 continue
             out.append(form.Assign(name, self._initial(value)))
+            self._steps(declarator, out)
 
     def _initial(self, value: Node) -> Expr:
         if value.type in ("argument_list", "initializer_list"):
@@ -301,9 +320,7 @@ class _Reader:
             case "update_expression":
                 argument = node.child_by_field_name("argument")
                 if argument is not None:
-                    sign = "add" if "++" in self.text(node) else "sub"
-                    step = form.Op(sign, (self.expr(argument), form.Num(1.0)), self.span(node))
-                    self._assign(argument, step, out)
+                    self._assign(argument, self._step(node, argument), out)
             case "comma_expression":
                 for child in node.named_children:
                     self._effect(child, out)
@@ -312,6 +329,16 @@ class _Reader:
                     self._effect(child, out)
             case _:
                 out.append(form.Evaluate(self.expr(node)))
+
+    def _steps(self, node: Node | None, out: list[Stmt]) -> None:
+        """Count what an expression counts in passing: ``kept[n++] = i``."""
+        stack = list(reversed(node.named_children)) if node is not None else []
+        while stack:
+            inner = stack.pop()
+            if inner.type == "update_expression":
+                self._effect(inner, out)
+            elif inner.type != "lambda_expression":
+                stack.extend(reversed(inner.named_children))
 
     def _assign(self, left: Node, value: Expr, out: list[Stmt]) -> None:
         if left.type == "subscript_expression":
@@ -535,6 +562,13 @@ class _Reader:
                 return form.Ref(path, self.expr(right), span)
             case "comma_expression":
                 return self.expr(node.named_children[-1])
+            case "update_expression":
+                argument = node.child_by_field_name("argument")
+                if argument is None:
+                    return form.Unknown((), span)
+                first = node.child(0)  # ++n gives what n becomes, n++ what it was
+                before = first is not None and first.type in ("++", "--")
+                return self._step(node, argument) if before else self.expr(argument)
             case "lambda_expression":
                 return form.Lambda(self._anonymous(node, "<lambda>"), span)
             case _:
@@ -544,6 +578,10 @@ class _Reader:
                     if child.type.endswith(("_expression", "identifier"))
                 ]
                 return form.Unknown(tuple(parts_read), span)
+
+    def _step(self, node: Node, argument: Node) -> Expr:
+        sign = "add" if "++" in self.text(node) else "sub"
+        return form.Op(sign, (self.expr(argument), form.Num(1.0)), self.span(node))
 
     def _binary(self, node: Node, span: Span) -> Expr:
         left, right = node.child_by_field_name("left"), node.child_by_field_name("right")
@@ -572,6 +610,15 @@ class _Reader:
                 return form.Op("not", (value,), span)
         return form.Unknown((value,), span)
 
+    def _is_type(self, node: Node) -> bool:
+        """Whether what is called is a type: ``T(1)``, ``double(n)``, ``typename M::Scalar(1)``."""
+        if node.type in _TYPES or node.type == "dependent_type":
+            return True
+        if node.type not in ("identifier", "qualified_identifier"):
+            return False
+        name = self._spelled(node).rpartition(".")[2]
+        return name in self._types or _SAYS_TYPE.fullmatch(name) is not None
+
     def _call(self, node: Node, span: Span) -> Expr:
         function = node.child_by_field_name("function")
         while function is not None and function.type == "parenthesized_expression":
@@ -581,19 +628,23 @@ class _Reader:
         args = tuple(self.expr(one) for one in inside if one.type != "comment")
         if function is None:
             return form.Unknown(args, span)
-        if function.type in _TYPES and len(args) == 1:
+        if len(args) == 1 and self._is_type(function):
             return form.Call(None, "static_cast", args, (), span)
         if function.type in ("identifier", "qualified_identifier", "template_function"):
             scope, _, name = self._spelled(function).rpartition(".")
             limit = _limit(scope, name, span)
             if limit is not None:
                 return limit
+            if name in self._distributions and not scope:
+                name = "randInt"  # dist(engine) draws one
             return form.Call(form.Name(scope) if scope else None, name, args, (), span)
         if function.type == "field_expression":
             argument = function.child_by_field_name("argument")
             field = function.child_by_field_name("field")
             if argument is not None and field is not None:
                 name = self._spelled(field)
+                if name == "uniform" and len(args) == 2 and self.text(inside[0]) == "0":
+                    name = "randInt"  # of cv::RNG, of integers
                 return form.Call(self.expr(argument), name, args, (), span)
         return form.Call(self.expr(function), "", args, (), span)
 

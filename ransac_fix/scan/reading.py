@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ransac_fix.scan import algebra, words
 from ransac_fix.scan.findings import Certainty
 from ransac_fix.scan.form import (
+    Assign,
     Choice,
     Expr,
     Fn,
@@ -14,6 +15,7 @@ from ransac_fix.scan.form import (
     Item,
     Loop,
     Module,
+    Name,
     Num,
     Op,
     Over,
@@ -24,6 +26,7 @@ from ransac_fix.scan.form import (
 from ransac_fix.scan.python import split_lines
 from ransac_fix.scan.recogniser import Site
 from ransac_fix.scan.sampler import Draw, draws, law_for, same_function
+from ransac_fix.scan.walk import inside
 
 _LEVELS: tuple[Certainty, ...] = ("low", "medium", "high")
 _RANDOM = ("random", "rand", "next_double", "uniform", "standard_exponential", "exponential")
@@ -224,6 +227,8 @@ def _is_adaptive(site: Site) -> bool:
     """Whether the inlier ratio is found by the run itself."""
     if site.form != "quotient" or any(candidate.loops for candidate in site.seen):
         return True
+    if site.function is not None and _bounds_a_later_loop(site, site.function.body):
+        return False  # even of counts: what is counted once, before any sample, is an assumption
     ratio = site.probability.ratio
     for probability in (site.probability, *site.called_with):
         own = probability.ratio
@@ -239,6 +244,31 @@ def _is_adaptive(site: Site) -> bool:
     if algebra.number(ratio) is not None or _loops(site.function.body):
         return False  # a function that loops itself makes its budget first
     return _is_required(ratio, site.function)
+
+
+def _bounds_a_later_loop(site: Site, body: tuple[Stmt, ...]) -> bool:
+    """Whether what a rule gives is how often a loop behind it runs."""
+    names = {one.target for one in site.seen if one.call is None and one.target is not None}
+
+    def speaks(expr: Expr | None) -> bool:
+        return expr is not None and any(
+            isinstance(part, Name) and part.name in names for part in inside(expr)
+        )
+
+    def found(statements: tuple[Stmt, ...]) -> bool:
+        for stmt in statements:
+            match stmt:
+                case Assign(target=str() as target, value=value) if speaks(value):
+                    names.add(target)
+                case If():
+                    if found(stmt.body) or found(stmt.orelse):
+                        return True
+                case Loop(source=source, test=test, span=span):
+                    if span.line > site.span.line and (speaks(source) or speaks(test)):
+                        return True
+        return False
+
+    return bool(names) and found(body)
 
 
 def _loops(body: tuple[Stmt, ...]) -> bool:

@@ -8,7 +8,22 @@ near it checks for that.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ransac_fix.scan.form import Call, Expr, Function, Module, Name, Num, Op, Seq, Span
+from ransac_fix.scan.form import (
+    Assign,
+    Call,
+    Expr,
+    Function,
+    If,
+    Item,
+    Loop,
+    Module,
+    Name,
+    Num,
+    Op,
+    Seq,
+    Span,
+    Stmt,
+)
 from ransac_fix.scan.walk import expressions, inside
 
 
@@ -49,7 +64,18 @@ _DISTINCT = frozenset(
 )
 _SINGLE = frozenset(["randrange", "irand", "rand_int"])
 # How C and C++ draw one index: a call, or the remainder of one.
-_SINGLE_IN_C = frozenset(["RandomInt", "randomInt", "RandInt", "randInt"])
+_SINGLE_IN_C = frozenset(
+    [
+        "RandInt",
+        "RandomInt",
+        "RandomInteger",
+        "randInt",
+        "randomInt",
+        "randomInteger",
+        "random_int",
+        "uniformInteger",
+    ]
+)
 _RANDOM_IN_C = frozenset(["rand", "random", "lrand48", "rand_r"])
 _CHECKS = frozenset(["unique", "set", "unique_consecutive", "isin", "in1d", "duplicated"])
 
@@ -78,7 +104,9 @@ def draws(module: Module) -> list[Draw]:
         elif isinstance(expr, Op) and expr.op in ("==", "!=") and loops:
             checked_in_c.add(_key(function))
         elif isinstance(expr, Op) and _is_remainder(expr) and expr.span is not None:
-            found.append(Draw("single in c", expr.span, function, loops))
+            body = module.body if function is None else function.body
+            law = "distinct" if _is_shrinking(expr, body) or _asks_flags(body) else "single in c"
+            found.append(Draw(law, expr.span, function, loops))
     checks = {"single": checked | checked_singly, "single in c": checked_in_c}
     return [_settled(draw, _key(draw.function) in checks.get(draw.law, checked)) for draw in found]
 
@@ -140,6 +168,60 @@ def _is_remainder(expr: Op) -> bool:
     match expr:
         case Op(op="mod", args=(Call(name=name), _)):
             return name in _RANDOM_IN_C
+    return False
+
+
+def _is_shrinking(remainder: Op, body: tuple[Stmt, ...]) -> bool:
+    """Whether one is drawn of those that are left: ``rand() % (n - i)``, as a shuffle does."""
+    match remainder.args[1]:
+        case Op(op="sub", args=(_, Name(name=name))):
+            return name in _steps(body)
+    return False
+
+
+def _steps(body: tuple[Stmt, ...]) -> set[str]:
+    """Collect the names that loops count with."""
+    names: set[str] = set()
+    for stmt in body:
+        match stmt:
+            case Assign(target=str() as target, value=Op(op="add" | "sub", args=(Name(name), _))):
+                if target == name:
+                    names.add(target)
+            case If():
+                names |= _steps(stmt.body) | _steps(stmt.orelse)
+            case Loop():
+                names |= _steps(stmt.body)
+            case _:
+                pass
+    return names
+
+
+def _asks_flags(body: tuple[Stmt, ...]) -> bool:
+    """Whether a loop asks what it has marked: ``while (used[i])``, ``if (points[i].taken)``."""
+    for stmt in body:
+        match stmt:
+            case If(test=test) | Loop(test=Op() | Name() | Item() as test):
+                if _is_flag(test) or _asks_flags(stmt.body):
+                    return True
+                if isinstance(stmt, If) and _asks_flags(stmt.orelse):
+                    return True
+            case Loop():
+                if _asks_flags(stmt.body):
+                    return True
+            case _:
+                pass
+    return False
+
+
+def _is_flag(test: Expr) -> bool:
+    match test:
+        case Op(op="not", args=(inner,)):
+            return _is_flag(inner)
+        case Name(name=name):
+            head, _, tail = name.partition(".")
+            return bool(tail) and head != "this"
+        case Item():
+            return True
     return False
 
 

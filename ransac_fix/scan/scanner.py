@@ -5,6 +5,7 @@ Nothing that is scanned is ever imported or run.
 
 import codecs
 import os
+import re
 import tokenize
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -37,6 +38,7 @@ from ransac_fix.scan.suppressions import (
 )
 
 _MAX_BYTES = 20_000_000
+_SQUARE = re.compile(rb"\b([A-Za-z_]\w*) *\* *\1\b")  # one of two powers may be written out
 
 FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
 
@@ -54,8 +56,10 @@ def may_matter(data: bytes, rules: Sequence[Rule]) -> bool:
 
 def _does_mathematics(data: bytes) -> bool:
     """Whether a file takes logarithms, or powers of powers: no stopping rule does without."""
-    logarithms = b"log" in data or b"Log" in data or b"ln(" in data
-    return logarithms or data.count(b"**") + data.count(b"pow") > 1
+    if b"log" in data or b"Log" in data or b"ln(" in data:
+        return True
+    powers = data.count(b"**") + data.count(b"pow") + data.count(b"*=")
+    return powers > 1 or (powers == 1 and bool(_SQUARE.search(data)))
 
 
 @dataclass(frozen=True, slots=True)

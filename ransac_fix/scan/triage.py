@@ -23,7 +23,8 @@ _LOG_ALIAS = re.compile(
 )
 _LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
 _POWER_SIGN = re.compile(r"[\w)\]}]\s*\*\*")  # not f(**options)
-_POWER_WORDS = ("pow", "Pow", "POW", "square", "cube", "prod(", "exp(")
+_SQUARE = re.compile(r"(?<![\w.])([A-Za-z_][\w.]*)\s*\*\s*\1(?![\w.(])")
+_POWER_WORDS = ("pow", "Pow", "POW", "square", "cube", "prod(", "exp(", "*=")
 _DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
 _COMPARE = re.compile(r"[<>]")
 _CALL = re.compile(r"(\w+)\s*\(")
@@ -125,7 +126,9 @@ def could_hold_a_rule(source: str) -> bool:
 
 def _powers(text: str) -> int:
     signs = len(_POWER_SIGN.findall(text)) if "**" in text else 0
-    return signs + sum(text.count(word) for word in _POWER_WORDS)
+    found = signs + sum(text.count(word) for word in _POWER_WORDS)
+    # What makes two powers of one may be written out: pow(1 - w*w, n).
+    return found + len(_SQUARE.findall(text)) if found == 1 else found
 
 
 def _takes_log(text: str) -> bool:

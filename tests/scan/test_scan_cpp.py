@@ -148,6 +148,58 @@ size_t Unseen(double miss, size_t k, size_t trials, size_t points) {
   return std::round(points * inlier_ratio);
 }
 """,
+    "typed constants": """
+template <typename T> T RansacTrials(T s, T w, int k) {
+  return std::ceil(std::log(T(1) - s) / std::log(T(1) - std::pow(w, T(k))));
+}
+""",
+    "typed constants, cast": """
+template <class Number> Number ransac_trials(Number s, Number w, int k) {
+  const Number one = static_cast<Number>(1);
+  return std::log(one - s) / std::log(static_cast<Number>(1) - std::pow(w, k));
+}
+""",
+    "typed constants of a type that is named here": """
+template <class Model> double ransac_trials(double s, double w, int k) {
+  using Value = typename Model::Number;
+  return log(Value(1) - s) / log(Value{1} - pow(w, k));
+}
+""",
+    "typed constants of a type that is named elsewhere": """
+template <class Model>
+double ransac_trials(typename Model::Scalar s, typename Model::Scalar w, int k) {
+  return log(typename Model::Scalar(1) - s) / log(typename Model::Scalar(1) - pow(w, k));
+}
+""",
+    "a count that an expression changes in passing": """
+double ransac_trials(const Points& points, double s) {
+  int kept[100], n = 0;
+  for (int i = 0; i < points.size(); ++i) {
+    if (points.bad(i)) continue;
+    kept[n++] = i;
+  }
+  double w = (double)points.inliers / n;
+  return log(1 - s) / log(1 - w * w * w * w);
+}
+""",
+    "a test whose other power is written out": """
+void ransac(double confidence) {
+  int t = 0;
+  while (true) {
+    double w = vote();
+    if (1 - std::pow(1 - w * w, ++t) > confidence) break;
+  }
+}
+""",
+    "a probability that each run makes smaller": """
+void ransac(double confidence) {
+  double failure = 1.0;
+  while (failure > 1 - confidence) {
+    double w = vote();
+    failure *= 1 - w * w * w;
+  }
+}
+""",
     "a helper": """
 static double all_inliers(double w, int k) { return std::pow(w, k); }
 double ransac_trials(double w, double s) { return log(1 - s) / log(1 - all_inliers(w, 3)); }
@@ -262,6 +314,23 @@ def test_no_source_crashes_it(data):
 DRAWS = {
     "unchecked": ("sample.push_back(rand() % n);", "RFX003"),
     "unchecked, by a call": ("sample.push_back(RandomInt(0, n - 1));", "RFX003"),
+    "unchecked, by a distribution": (
+        "std::uniform_int_distribution<int> dice(0, n - 1); sample.push_back(dice(engine));",
+        "RFX003",
+    ),
+    "unchecked, by OpenCV": ("sample.push_back(rng.uniform(0, n));", "RFX003"),
+    "a shuffle's step": (
+        "int i = j + rand() % (n - j), t = all[i]; all[i] = all[j]; all[j] = t;",
+        "RFX001",
+    ),
+    "marked": (
+        "int i; do { i = rand() % n; } while (used[i]); used[i] = true; sample.push_back(i);",
+        "RFX001",
+    ),
+    "marked in the data": (
+        "Point* p; do { p = all + rand() % n; } while (p->used); p->used = 1;",
+        "RFX001",
+    ),
     "found before": (
         """int i = rand() % n;
            if (std::find(sample.begin(), sample.end(), i) == sample.end()) sample.push_back(i);""",

@@ -25,6 +25,24 @@ def consensus(points, fit, confidence=0.99):
     return best
 """
 
+ONE_POWER_AND_A_SQUARE = """
+def ransac(votes, confidence):
+    n = best = 0
+    while True:
+        n += 1
+        best = max(best, votes())
+        if 1 - pow(1 - best * best, n) > confidence:
+            return best
+"""
+NO_POWER_SIGN = """
+def ransac(votes, confidence):
+    failure, best = 1.0, 0
+    while failure > 1 - confidence:
+        best = max(best, votes())
+        failure *= 1 - best * best * best
+    return best
+"""
+
 
 def found(source: str, *, gate: bool) -> tuple[Finding, ...]:
     file = SourceFile("a.py", "python", named=False)
@@ -36,6 +54,8 @@ def found(source: str, *, gate: bool) -> tuple[Finding, ...]:
     [
         (RATIO_FROM_A_HELPER, "RFX001"),
         (UNUSED_CONFIDENCE, "RFX006"),
+        (ONE_POWER_AND_A_SQUARE, "RFX001"),
+        (NO_POWER_SIGN, "RFX001"),
     ],
 )
 def test_what_is_found_without_them_is_found_with_them(source, code):

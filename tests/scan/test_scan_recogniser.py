@@ -45,6 +45,7 @@ APPROXIMATE = {
     "jax": "jnp.power(w, k)",
     "chosen exponent": "w ** (3 if k else 4)",
     "written out": "w * w * w",
+    "a number written out": "0.7 * 0.7",
     "written out ratio": "(I / n) * (I / n)",
     "counts written out": "I * I * I / (n * n * n)",
     "exp of log": "exp(k * log(w))",
@@ -78,6 +79,8 @@ OTHER = {
     "a root": "w ** (1 / k)",
     "a power of two": "2**k",
     "a large factor": "4 * e**2",
+    "a large number written out": "2 * 2 * e",
+    "two rates": "0.7 * 0.5",
     "one inlier ratio": "I / n",
 }
 
@@ -148,6 +151,12 @@ WHOLE = {
     ),
     "the confidence shadowed": (
         "def f(w, k):\n    p = 1 - w**k\n    p = max(1e-16, p)\n    return log(1 - p) / log(p)"
+    ),
+    "an assumed ratio written out": (
+        "def f(s):\n    v = 0.6\n    u = 1.0 - v\n    return log(1 - s) / log(1 - u * u * u)"
+    ),
+    "the ratio of a first sample, written out": (
+        "def f(points, s):\n    r = 2.0 / len(points)\n    return log(1 - s) / log(1 - r * r)"
     ),
     "log1p": "def f(w, k, s): return log1p(-s) / log1p(-w**k)",
     "log10": "def f(w, k, s): return log10(1 - s) / log10(1 - w**k)",
@@ -330,6 +339,23 @@ def test_words_raise_and_lower_the_certainty(where, certainty):
     )
     (found,) = sites(source, "a.py")
     assert found.certainty == certainty
+
+
+def test_counts_make_no_rule_adaptive_that_only_bounds_a_later_loop():
+    source = """
+from math import ceil, log
+
+def ransac(y, fit, k, s):
+    w = 1 - far_out(y).sum() / len(y)
+    trials = ceil(log(1 - s) / log(1 - w**k))
+    budget = min(trials, 1000)
+    for _ in range(budget):
+        fit(y)
+"""
+    (found,) = sites(source)
+    assert found.site.probability.kind == "approximate"
+    assert not found.adaptive
+    assert sites(source.replace("range(budget)", "range(9)"))[0].adaptive
 
 
 def test_a_helper_that_is_called_in_a_loop_is_adaptive():
