@@ -27,6 +27,7 @@ import numpy as np
 
 import ransac_fix
 from ransac_fix.patching import missing, registry
+from ransac_fix.patching.watching import CURRENT, Watched
 
 PINHOLE = {"model": "SIMPLE_PINHOLE", "width": 2000, "height": 1500}
 SIZES = (20, 50, 100, 500, 1000, 5000)
@@ -208,43 +209,22 @@ def y_of_pose(image: np.ndarray, n_inliers: int, rng: np.random.Generator) -> np
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one problem cost: seconds, and trials where some were missing."""
+    """What one problem cost: seconds, and N_e / N_a where trials were missing."""
 
     bare: float
     wrapped: float
-    trials: float = 0.0
-    total: float = 0.0
+    expected: float | None
 
     @property
     def ratio(self) -> float:
         return self.wrapped / self.bare
 
-    @property
-    def expected(self) -> float:
-        """N_e / N_a at the inliers found, as far as limits allow; 1 where nothing is missing."""
-        return self.total / self.trials if self.total else 1.0
-
 
 def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
     """Return what a call costs, bare and wrapped."""
     module = import_module(f"ransac_fix.patches.{system.replace('-', '_')}")
-    drawn: list[tuple[float, float]] = []
-
-    def recording(first: Any, promise: Any, run: Any, is_better: Any) -> Any:
-        total = first.trials
-
-        def counting(trials: int, round_: int) -> Any:
-            nonlocal total
-            attempt = run(trials, round_)
-            total += attempt.trials
-            return attempt
-
-        result = missing.complete(first, promise, counting, is_better)
-        drawn.append((first.trials, total))
-        return result
-
-    module.complete = recording  # type: ignore[attr-defined]
     ransac_fix.patch(system)
+    expected = excess(call, problem)
     places = registry.places(system)
     least = {"original": math.inf, "replaced": math.inf}
     spent = 0.0
@@ -265,14 +245,28 @@ def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
     for place in places:
         setattr(place.holder, place.name, place.replaced)
     ransac_fix.unpatch(system)
-    module.complete = missing.complete  # type: ignore[attr-defined]
-    return Cost(least["original"], least["replaced"], *(drawn[-1] if drawn else ()))
+    return Cost(least["original"], least["replaced"], expected)
+
+
+def excess(call: Call, problem: Problem) -> float | None:
+    """Return N_e / N_a at the inliers found, as far as limits allow; None if nothing is missing."""
+    watched = Watched(exact=False)  # the library as it is, and what it says of the run
+    token = CURRENT.set(watched)
+    try:
+        call(problem)
+    finally:
+        CURRENT.reset(token)
+    if watched.facts is None:
+        return None
+    counts, (trials, limit), how = watched.facts[:4], watched.facts[4:6], watched.facts[6:]
+    lacking = missing.missing_trials(*counts, trials, limit, missing.slack(), *how)
+    return (trials + lacking) / trials if lacking else None
 
 
 def forget(module: Any) -> None:
-    """Empty the caches of a module's functions."""
+    """Empty the caches of a module's functions, but for what is kept by size alone."""
     for value in vars(module).values():
-        if hasattr(value, "cache_clear"):
+        if hasattr(value, "cache_clear") and value is not missing._factor:
             value.cache_clear()
 
 
@@ -281,8 +275,8 @@ def percent(values: list[float]) -> str:
 
 
 def row(label: str, costs: list[Cost]) -> str:
-    enough = [cost for cost in costs if not cost.total]
-    short = [cost for cost in costs if cost.total]
+    enough = [cost for cost in costs if cost.expected is None]
+    short = [(cost.ratio, cost.expected) for cost in costs if cost.expected is not None]
     times = [cost.bare for cost in enough]
     cells = [
         label,
@@ -291,9 +285,9 @@ def row(label: str, costs: list[Cost]) -> str:
         f"{1e6 * statistics.median([c.wrapped - c.bare for c in enough]):.1f}" if enough else "",
         percent([cost.ratio for cost in enough]),
         str(len(short)),
-        f"{statistics.median([cost.expected for cost in short]):.2f}" if short else "",
-        f"{statistics.median([cost.ratio for cost in short]):.2f}" if short else "",
-        percent([cost.ratio / cost.expected for cost in short]),
+        f"{statistics.median([expected for _, expected in short]):.2f}" if short else "",
+        f"{statistics.median([ratio for ratio, _ in short]):.2f}" if short else "",
+        percent([ratio / expected for ratio, expected in short]),
     ]
     return f"| {' | '.join(cells)} |"
 

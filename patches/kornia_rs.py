@@ -3,7 +3,8 @@
 The rule is compiled in and assumes p**k, so the functions are wrapped: see
 `ransac_fix.patching.missing`. They report their iterations. The missing ones are drawn with
 another seed and a confidence of 1, which runs all of them; the model with the higher score is
-kept. Samples are distinct and uniform.
+kept. The score is the number of inliers, which is quicker to read than the list of them. Samples
+are distinct and uniform.
 
 Passed through untouched: the estimators of `kornia_rs.k3d`, which report neither iterations nor
 the confidence they work with.
@@ -20,17 +21,21 @@ from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
     Promise,
+    Spare,
     complete,
     fresh_seed,
     missing_trials,
     own_function,
+    raised_confidence,
     slack,
+    with_argument,
 )
 
 __all__ = ["PATCH"]
 
 _NAMES = ("matches", "threshold", "max_iters", "confidence", "seed")
 _MAX_ITERS, _CONFIDENCE = 1000, 0.999
+_SPARE = Spare(1)
 _SAMPLE_SIZES = {"homography": 4, "fundamental": 8, "essential": 5}
 
 
@@ -38,14 +43,20 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
 
     def attempt(result: Any) -> Attempt[Any]:
-        return Attempt(result, result.inliers.count(True), result.num_iters)
+        return Attempt(result, int(result.score), result.num_iters)
 
     def exact(*args: Any, **kwargs: Any) -> Any:
-        result = original(*args, **kwargs)
         settings = {**dict(zip(_NAMES, args, strict=False)), **kwargs}
         confidence = settings.get("confidence", _CONFIDENCE)
         limit = settings.get("max_iters", _MAX_ITERS)
-        n_samples = len(settings["matches"])
+        try:
+            n_samples = len(settings["matches"])
+            asked = raised_confidence(n_samples, sample_size, confidence, _SPARE)
+        except (TypeError, KeyError):  # kornia-rs says what is wrong with them
+            return original(*args, **kwargs)
+        if asked != confidence:
+            args, kwargs = with_argument(_NAMES, args, kwargs, "confidence", asked)
+        result = original(*args, **kwargs)
         first = attempt(result)
         if n_samples <= sample_size or not missing_trials(
             first.n_inliers, n_samples, sample_size, confidence, first.trials, limit, slack()

@@ -30,11 +30,14 @@ from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
     Promise,
+    Spare,
     complete,
     fresh_seed,
     missing_trials,
     own_function,
+    raised_confidence,
     slack,
+    with_argument,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +60,8 @@ _EPSILON = 2.0**-52
 _SMALLEST_FLOAT = 2.0**-1022
 # What the functions without a knob for it run at most.
 _FIXED_LIMIT = 1000
+# USAC optimises and polishes for longer than it draws.
+_SPARE = {"classic": Spare(1, 0.03), "usac": Spare(15, 0.1)}
 
 Bound = dict[str, Any]
 Result = tuple[Any, ...]
@@ -155,20 +160,18 @@ def _trials(
     return min(max(rule, 1.0), limit)
 
 
-def _read(
-    form: _Form, args: Result, kwargs: Bound, result: Result, p3p: frozenset[int]
-) -> _Call | None:
-    """Return what a call asked for; None where it is none of ours.
+def _read(form: _Form, args: Result, kwargs: Bound, p3p: frozenset[int]) -> _Call | None:
+    """Return what a call asks for; None where it is none of ours.
 
     `p3p` are the flags of solvePnPRansac for three points: OpenCV 5 has numbered them anew.
     """
     bound = dict(zip(form.names, args))  # noqa: B905 -- fewer arguments than names
     if kwargs:
         bound.update(kwargs)
-    inliers = result[form.inliers]
-    if type(inliers).__name__ != "ndarray":  # no model, or a cv2.UMat
+    points: Any = bound.get(form.points[1])
+    if type(points).__name__ != "ndarray" or points.size == 0:  # a cv2.UMat, or nothing at all
         return None
-    n_samples = bound[form.points[1]].size // 2 if form.indices else inliers.size
+    n_samples = points.size // points.shape[-1]
     if form.has_params:
         return _read_params(form, bound, n_samples)
     defaults = form.defaults
@@ -194,7 +197,7 @@ def _read(
     limit: Any = bound.get(form.max_trials, defaults.get(form.max_trials, _FIXED_LIMIT))
     if n_samples <= sample_size or sample_size == 0:
         return None
-    return _Call(bound, kind, sample_size, confidence, max(limit, 1), n_samples)
+    return _Call(bound, kind, sample_size, float(confidence), max(limit, 1), n_samples)
 
 
 def _read_params(form: _Form, bound: Bound, n_samples: int) -> _Call | None:
@@ -244,22 +247,23 @@ def _wrap(
         form = choose(args, kwargs)
         if form is None:
             return original(*args, **kwargs)
-        guess = _guess(form, args, kwargs) if form.indices else {}
-        result = original(*args, **kwargs)
-        call = _read(form, args, kwargs, result, p3p)
+        try:
+            call = _read(form, args, kwargs, p3p)
+        except (TypeError, AttributeError):  # OpenCV says what is wrong with the arguments
+            call = None
         if call is None or call.kind not in kinds:
-            return result
-        inliers = result[form.inliers]
-        n_inliers = _count(cv2, form, inliers)
-        trials = _trials(
-            call.kind,
-            n_inliers,
-            call.n_samples,
-            call.sample_size,
-            call.confidence,
-            call.max_trials,
-        )
+            return original(*args, **kwargs)
+        guess = _guess(form, args, kwargs) if form.indices else {}
         promise = call.n_samples, call.sample_size, call.confidence
+        asked = raised_confidence(*promise, _SPARE[call.kind])
+        if asked != call.confidence:
+            args, kwargs = _asking(cv2, form, args, kwargs, asked)
+        result = original(*args, **kwargs)
+        inliers = result[form.inliers]
+        if type(inliers).__name__ != "ndarray":  # no model
+            return result
+        n_inliers = _count(cv2, form, inliers)
+        trials = _trials(call.kind, n_inliers, *promise[:2], asked, call.max_trials)
         if not missing_trials(n_inliers, *promise, trials, call.max_trials, slack()):
             return result
         call.bound.update(guess)
@@ -273,6 +277,18 @@ def _wrap(
         return _delivered(result, best)
 
     return exact
+
+
+def _asking(
+    cv2: Any, form: _Form, args: Result, kwargs: Bound, confidence: float
+) -> tuple[Result, Bound]:
+    """Return the arguments of a call with another confidence."""
+    if not form.has_params:
+        return with_argument(form.names, args, kwargs, form.confidence, confidence)
+    place = form.names.index("params")
+    params = args[place] if place < len(args) else kwargs["params"]
+    changed = _copy(cv2, params, confidence=confidence)
+    return with_argument(form.names, args, kwargs, "params", changed)
 
 
 def _again(
@@ -295,7 +311,11 @@ def _again(
     confidence, limit = _HIGHEST_CONFIDENCE, float(trials)
     if form.has_params:
         bound["params"] = _copy(
-            cv2, bound["params"], confidence, trials, fresh_seed(call.seed, round_)
+            cv2,
+            bound["params"],
+            confidence=confidence,
+            maxIterations=trials,
+            randomGeneratorState=fresh_seed(call.seed, round_),
         )
     else:
         if form.max_trials:
@@ -338,15 +358,12 @@ def _confidence_for(trials: int, call: _Call) -> float:
     return min(1.0 - exp((trials + 0.25) * log1p(-chance)), _HIGHEST_CONFIDENCE)
 
 
-def _copy(cv2: Any, params: Any, confidence: float, trials: int, seed: int) -> Any:
-    """Return a ``cv2.UsacParams`` for the missing trials."""
+def _copy(cv2: Any, params: Any, **changes: float) -> Any:
+    """Return a ``cv2.UsacParams`` with other values."""
     copy = cv2.UsacParams()
     for name in dir(copy):
         if not name.startswith("_"):
-            setattr(copy, name, getattr(params, name))
-    copy.confidence = confidence
-    copy.maxIterations = trials
-    copy.randomGeneratorState = seed
+            setattr(copy, name, changes.get(name, getattr(params, name)))
     return copy
 
 

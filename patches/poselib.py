@@ -27,10 +27,12 @@ from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
     Promise,
+    Spare,
     complete,
     fresh_seed,
     missing_trials,
     own_function,
+    raised_confidence,
     slack,
 )
 
@@ -41,7 +43,8 @@ Groups: TypeAlias = list[tuple[int, int]]
 """Inliers and measurements of each group."""
 
 # PoseLib's own defaults.
-_CONFIDENCE, _MAX_ITERATIONS, _SEED = 0.9999, 100_000, 0
+_CONFIDENCE, _MAX_ITERATIONS, _MULTIPLIER, _SEED = 0.9999, 100_000, 3.0, 0
+_SPARE = Spare(10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,8 @@ class _Estimator:
     position: int
     # Of the inliers and measurements of each camera or pair, where samples are not uniform.
     chance: Callable[[Groups], float] | None = None
+    # Lines are measurements too.
+    lines: bool = False
     # Where the matches to a map stand, for whose samples there is no law.
     untouched_with: tuple[int, str] | None = None
 
@@ -106,7 +111,7 @@ def _chance_by_pair(pairs: Groups) -> float:
 
 _ESTIMATORS = {
     "estimate_absolute_pose": _Estimator(3, 3),
-    "estimate_absolute_pose_pnpl": _Estimator(3, 7),
+    "estimate_absolute_pose_pnpl": _Estimator(3, 7, lines=True),
     "estimate_generalized_absolute_pose": _Estimator(3, 4, _chance_by_camera),
     "estimate_generalized_relative_pose": _Estimator(6, 5, _chance_by_pair),
     "estimate_hybrid_pose": _Estimator(3, 6, untouched_with=(2, "matches_2D_2D")),
@@ -120,16 +125,26 @@ _ESTIMATORS = {
 
 def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., Any]:
     """Return the exact estimator."""
-    k, position, apart = estimator.sample_size, estimator.position, estimator.untouched_with
+    k, position = estimator.sample_size, estimator.position
+
+    def call(options: dict[str, Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+        if len(args) > position:
+            return original(*args[:position], options, *args[position + 1 :], **kwargs)
+        return original(*args, **{**kwargs, "ransac_opt": options})
 
     def exact(*args: Any, **kwargs: Any) -> Any:
-        result = original(*args, **kwargs)
-        options = kwargs.get("ransac_opt") if len(args) <= position else args[position]
-        options = options or {}
+        options = (args[position] if len(args) > position else kwargs.get("ransac_opt")) or {}
+        try:
+            asked = _asked(options, args, kwargs, estimator)
+        except (TypeError, AttributeError, LookupError):  # PoseLib says what is wrong with them
+            asked = {}
+        result = call({**options, **asked}, args, kwargs) if asked else original(*args, **kwargs)
         first = _attempt(result, estimator)
-        if first.n_samples <= k or options.get("progressive_sampling"):
-            return result
-        if apart is not None and len(args[apart[0]] if len(args) > apart[0] else kwargs[apart[1]]):
+        if (
+            first.n_samples <= k
+            or options.get("progressive_sampling")
+            or _is_untouched(args, kwargs, estimator)
+        ):
             return result
         confidence = options.get("success_prob", _CONFIDENCE)
         limit = options.get("max_iterations", _MAX_ITERATIONS)
@@ -153,15 +168,45 @@ def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., 
                 "max_iterations": trials,
                 "seed": fresh_seed(int(options.get("seed", _SEED)), round_),
             }
-            if len(args) > position:
-                again = original(*args[:position], settings, *args[position + 1 :], **kwargs)
-            else:
-                again = original(*args, **{**kwargs, "ransac_opt": settings})
-            return _attempt(again, estimator)
+            return _attempt(call(settings, args, kwargs), estimator)
 
         return complete(first, promise, run, _is_better)
 
     return exact
+
+
+def _is_untouched(args: tuple[Any, ...], kwargs: dict[str, Any], estimator: _Estimator) -> bool:
+    """Return whether a call comes with what there is no law for."""
+    if estimator.untouched_with is None:
+        return False
+    position, name = estimator.untouched_with
+    return len(args[position] if len(args) > position else kwargs[name]) > 0
+
+
+def _asked(
+    options: dict[str, Any],
+    args: tuple[Any, ...],
+    kwargs: dict[str, Any],
+    estimator: _Estimator,
+) -> dict[str, float]:
+    """Return what to change in the options of the first run: the confidence, where it serves."""
+    if estimator.chance is not None or options.get("progressive_sampling"):
+        return {}
+    if _is_untouched(args, kwargs, estimator):
+        return {}
+    first = "points2D" if "points2D" in kwargs else "points2D_1"
+    n_samples = len(args[0] if args else kwargs[first])
+    if estimator.lines:
+        n_samples += len(args[2] if len(args) > 2 else kwargs["lines2D_1"])
+    confidence = options.get("success_prob", _CONFIDENCE)
+    raised = raised_confidence(
+        n_samples,
+        estimator.sample_size,
+        confidence,
+        _SPARE,
+        multiplier=options.get("dyn_num_trials_mult", _MULTIPLIER),
+    )
+    return {} if raised == confidence else {"success_prob": raised}
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,18 +16,21 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
-from ransac_fix.criterion import required_trials
+from ransac_fix.criterion import all_inlier_probability, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.behaviour import assumed_probability
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import (
     Attempt,
     Promise,
+    Spare,
     complete,
     fresh_seed,
     missing_trials,
     own_function,
+    raised_confidence,
     slack,
+    with_argument,
 )
 
 __all__ = ["PATCH"]
@@ -37,6 +40,14 @@ Result = tuple[Any, Any]
 _SAMPLE_SIZES = {"findHomography": 4, "findFundamentalMatrix": 7}
 # What the rule never exceeds.
 _MOST_TRIALS = 1_000_000
+_SPARE = Spare(8)
+
+
+def _assumed(n_inliers: int, n_samples: int, sample_size: int) -> float:
+    """Return the chance that the rule works with."""
+    if n_inliers >= n_samples - 1:
+        return 1.0 - 2.0**-53
+    return all_inlier_probability(n_inliers + 1, n_samples, sample_size)
 
 
 def _trials(
@@ -63,10 +74,16 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     defaults = {name: parameter.default for name, parameter in parameters.items()}
 
     def exact(*args: Any, **kwargs: Any) -> Any:
-        result = original(*args, **kwargs)
         settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
         confidence, limit = settings["conf"], settings["max_iters"]
-        n_samples = len(settings["pts1_"])
+        try:
+            n_samples = len(settings["pts1_"])
+            asked = raised_confidence(n_samples, sample_size, confidence, _SPARE, assumed=_assumed)
+        except TypeError:  # pydegensac says what is wrong with them
+            return original(*args, **kwargs)
+        if asked != confidence:
+            args, kwargs = with_argument(names, args, kwargs, "conf", asked)
+        result = original(*args, **kwargs)
         if n_samples <= sample_size:
             return result
 
@@ -78,7 +95,7 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
         def is_better(new: Result, best: Result) -> bool:
             return bool(count_nonzero(new[1]) > count_nonzero(best[1]))
 
-        first = attempt(result, confidence, limit)
+        first = attempt(result, asked, limit)
         promise = Promise(n_samples, sample_size, confidence, limit)
         if not missing_trials(
             first.n_inliers, n_samples, sample_size, confidence, first.trials, limit, slack()

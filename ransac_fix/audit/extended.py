@@ -4,7 +4,7 @@ A patched compiled library keeps its rule, and draws the missing trials afterwar
 so that no point of a rule lies on one random stream. Two things are tested.
 
 Trials: what each run came to, counted where the missing trials are drawn, is the number that the
-sampler needs at the inliers in hand, or the limit.
+sampler needs at the inliers in hand, or the limit, or what the first run had done by itself.
 
 Outcomes: each run meets a planted problem with smaller groups and a larger one. With N trials after
 which a run ends once a smaller group is in hand, and L without any, and chances a and b that one
@@ -88,12 +88,18 @@ def count_trials(
     tuple of (list of TrialCount, int)
         One for each run; none where calls are passed through. And how many runs there were.
     """
+    return _counted(host, one, sampler, seed, exact=True)
+
+
+def _counted(
+    host: Asked, one: dict[str, Any], sampler: SamplerLaw, seed: int, *, exact: bool
+) -> tuple[list[TrialCount], int]:
     cases = [
         _case(setting, u, _RUNS)
         for setting in settings_for(one, sampler, counted=False)
         for u in _U
     ]
-    answer = _ask(host, one, cases, seed, exact=True)
+    answer = _ask(host, one, cases, seed, exact=exact)
     return [TrialCount(**count) for count in answer["counts"]], answer["runs"]
 
 
@@ -101,7 +107,6 @@ def decide_by_outcomes(
     host: Asked,
     one: dict[str, Any],
     sampler: SamplerLaw,
-    counts: list[TrialCount],
     seed: int,
 ) -> tuple[OutcomeTest | None, int]:
     """Decide by outcomes between the library's own number of trials and the exact one.
@@ -110,15 +115,15 @@ def decide_by_outcomes(
     ----------
     host, one, sampler, seed
         As in `count_trials`.
-    counts : list of TrialCount
-        From `count_trials`.
 
     Returns
     -------
     tuple of (OutcomeTest or None, int)
         None where the two numbers are too near each other to be told apart so. And the runs.
     """
-    duels, runs = list(_duels(sampler, counts, one)), 0
+    # What the library asks for when nothing more is asked of it.
+    own, runs = _counted(host, one, sampler, seed, exact=False)
+    duels = list(_duels(sampler, own, one))
     found: OutcomeTest | None = None
     # With the share found that the sampler showed, and where that is not clear with that of runs
     # on these very problems.
@@ -213,7 +218,7 @@ def judge_extension(
         for count in counts
     )
     if beyond:
-        sums += f" ({beyond} had run more than that by themselves)"
+        sums += f" ({beyond} ran more than that at once)"
     if outcomes is None:
         apart = "its own number is too near the exact one for outcomes to tell them apart"
         if counted:

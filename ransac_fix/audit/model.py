@@ -337,7 +337,7 @@ class TrialCount:
     confidence : float
         s of the call.
     own : int or None
-        Trials that the library ran by itself; None for infinity, here and below.
+        Trials of the library's first run; None for infinity, here and below.
     first_inliers : int
         Inliers in hand then.
     trials : int or None

@@ -371,7 +371,7 @@ def _audit_entry_point(
         sampler, runs = sampler_law(host, one, SEED)
         counts, more = count_trials(host, one, sampler, SEED + 7000)
         if counts:
-            outcomes, again = decide_by_outcomes(host, one, sampler, counts, SEED + 9000)
+            outcomes, again = decide_by_outcomes(host, one, sampler, SEED + 9000)
             verdict, reason, extension = judge_extension(
                 counts, sampler, outcomes, counted=one["counted"]
             )

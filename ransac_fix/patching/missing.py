@@ -6,6 +6,10 @@ own rule asked for keep the promise that its caller paid for. Where they do not,
 the missing ones, and no others, on samples the first run has not seen, and keeps the better model
 by the library's own measure.
 
+A second run pays again for what every run begins and ends with. So the first one is asked for the
+confidence that `raised_confidence` gives, at which most runs have no trials missing, and none
+runs noticeably more than the exact number.
+
 What the user set as a limit always wins: the first run and the missing trials together never
 exceed it.
 """
@@ -15,7 +19,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, inf, log1p
+from math import ceil, expm1, inf, log1p
 from types import ModuleType
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
@@ -27,16 +31,21 @@ __all__ = [
     "DEFAULT_SLACK",
     "Attempt",
     "Promise",
+    "Spare",
     "complete",
     "fresh_seed",
     "missing_trials",
     "own_function",
+    "raised_confidence",
     "set_slack",
     "slack",
+    "with_argument",
 ]
 
 Result = TypeVar("Result")
 Sampling: TypeAlias = Literal["distinct", "replacement"]
+Chance: TypeAlias = Callable[[int, int, int], float]
+"""``chance(n_inliers, n_samples, sample_size)``: that one sample holds inliers only."""
 
 DEFAULT_SLACK = 0.1
 SLACK_VARIABLE = "RANSAC_FIX_SLACK"
@@ -46,6 +55,9 @@ SLACK_VARIABLE = "RANSAC_FIX_SLACK"
 _UNLIMITED = 2**31 - 1
 _TRIALS_WITHOUT_LIMIT = 100_000
 _RUNS_WITHOUT_LIMIT = 10
+
+# A higher confidence is one of 1 to some libraries.
+_HIGHEST_CONFIDENCE = 1.0 - 2.0**-50
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +79,22 @@ class Promise:
     confidence: float
     max_trials: float
     sampling: Sampling = "distinct"
+
+
+@dataclass(frozen=True, slots=True)
+class Spare:
+    """By how much a first run may exceed the exact number, whatever it finds.
+
+    Parameters
+    ----------
+    trials : float
+        So many trials take a few percent of a short call.
+    share : float
+        And such a share of all trials a few percent of a long one.
+    """
+
+    trials: float
+    share: float = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +179,14 @@ def _missing_trials(
 ) -> int:
     if trials >= max_trials or n_samples < sample_size or confidence <= 0:
         return 0
+    n_inliers = min(max(n_inliers, sample_size), n_samples)
+    if slack > 0 and confidence < 1:
+        hit = chance
+        if hit is None:
+            hit = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
+        if hit < 1 and trials * log1p(-hit) <= log1p(-confidence) + log1p(slack):
+            return 0
     if chance is None:
-        n_inliers = min(max(n_inliers, sample_size), n_samples)
         needed = required_trials(n_inliers, n_samples, sample_size, confidence, sampling=sampling)
     elif 0 < chance < 1 and confidence < 1:
         needed = ceil(log1p(-confidence) / log1p(-chance))
@@ -160,13 +194,91 @@ def _missing_trials(
         needed = 1 if chance > 0 else inf
     if trials >= needed:
         return 0
-    if slack > 0 and confidence < 1:
-        if chance is None:
-            chance = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
-        if chance < 1 and trials * log1p(-chance) <= log1p(-confidence) + log1p(slack):
-            return 0
     left = min(needed, max_trials) - trials
     return int(left) if left < _UNLIMITED else _UNLIMITED
+
+
+def approximate_chance(n_inliers: int, n_samples: int, sample_size: int) -> float:
+    """Return the probability that most libraries assume, (I/n)**k."""
+    return float((n_inliers / n_samples) ** sample_size)
+
+
+def raised_confidence(
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    spare: Spare,
+    *,
+    multiplier: float = 1.0,
+    sampling: Sampling = "distinct",
+    assumed: Chance = approximate_chance,
+) -> float:
+    """Return the confidence to ask of the first run.
+
+    At confidence ``1 - (1 - s)**r`` a rule asks for r times as many trials. r is as large as it
+    can be while no number of inliers makes the run exceed the exact number by more than `spare`.
+    N_e / N_a falls as inliers grow in number, so what is still missing then are the trials of
+    long runs, beside which the cost of a second one is small.
+
+    Parameters
+    ----------
+    n_samples, sample_size, confidence, sampling
+        As in `Promise`.
+    spare : Spare
+        What further trials may cost.
+    multiplier : float, default 1
+        What the library multiplies its number by.
+    assumed : callable
+        The probability that its rule assumes. A function of a module: results are kept by it.
+
+    Returns
+    -------
+    float
+        `confidence` where raising it serves nothing, and where `ransac_fix.trace` watches a call
+        that is not to be made exact.
+    """
+    watched = watching.CURRENT.get()
+    if watched is not None and not watched.raising:
+        return confidence
+    if not 0 < confidence < 1 or n_samples <= sample_size or multiplier <= 0:
+        return confidence
+    # What is similar is asked once: five bits of n say enough. With more measurements r is less.
+    shift = max(int(n_samples).bit_length() - 5, 0)
+    factor = _factor(
+        -(-n_samples >> shift) << shift,
+        sample_size,
+        confidence,
+        spare,
+        multiplier,
+        sampling,
+        assumed,
+        _slack,
+    )
+    raised = -expm1(factor * log1p(-confidence))
+    return raised if confidence < raised < _HIGHEST_CONFIDENCE else confidence
+
+
+@lru_cache(maxsize=8192)
+def _factor(
+    n_samples: int,
+    sample_size: int,
+    confidence: float,
+    spare: Spare,
+    multiplier: float,
+    sampling: Sampling,
+    assumed: Chance,
+    slack: float,
+) -> float:
+    """Return the factor r of `raised_confidence`, 1 or more."""
+    failure = log1p(-confidence)
+    accepted = min(failure + log1p(slack), 0.0)
+    least = inf
+    for n_inliers in range(sample_size, n_samples, max(n_samples // 32, 1)):
+        chance = all_inlier_probability(n_inliers, n_samples, sample_size, sampling=sampling)
+        own = multiplier * failure / log1p(-assumed(n_inliers, n_samples, sample_size))
+        most = (1.0 + spare.share) * accepted / log1p(-chance) + spare.trials
+        least = min(least, most / own)
+    return max(least, 1.0)
 
 
 def complete(
@@ -235,6 +347,32 @@ def complete(
 def fresh_seed(seed: int, round_: int) -> int:
     """Return the seed of a later run: another one for every round, the same on every call."""
     return (seed * 6364136223846793005 + round_ * 1442695040888963407 >> 16) & 0x7FFFFFFF
+
+
+def with_argument(
+    names: tuple[str, ...],
+    args: tuple[Any, ...],
+    kwargs: dict[str, Any],
+    name: str,
+    value: object,
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Return the arguments of a call with one of them changed, and all else as it was given.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The function's parameters in order.
+    args, kwargs
+        Those of the call.
+    name : str
+        The parameter to change, whether it was given or not.
+    value : object
+        Its new value.
+    """
+    place = names.index(name)
+    if place < len(args):
+        return (*args[:place], value, *args[place + 1 :]), kwargs
+    return args, {**kwargs, name: value}
 
 
 def own_function(holder: ModuleType | type, name: str) -> Callable[..., Any] | None:

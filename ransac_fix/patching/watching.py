@@ -24,16 +24,19 @@ class Watched:
     ----------
     exact : bool
         The library is patched here and now: the missing trials are to be drawn.
+    raising : bool
+        More may be asked of the first run than the program did, as `exact` alone allows it.
     facts : tuple or None
         The arguments of `note` when it was last called: what holds at the end of the run.
     first : tuple or None
         Those when it was first called: what held before any missing trials.
     """
 
-    __slots__ = ("exact", "facts", "first")
+    __slots__ = ("exact", "facts", "first", "raising")
 
-    def __init__(self, exact: bool) -> None:
+    def __init__(self, exact: bool, *, raising: bool = True) -> None:
         self.exact = exact
+        self.raising = exact and raising
         self.facts: Facts | None = None
         self.first: Facts | None = None
 

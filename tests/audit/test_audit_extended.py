@@ -94,7 +94,7 @@ class Library:
 
 def verdict(library: Library, one: dict[str, Any] = ONE, sampler: SamplerLaw = SAMPLER) -> Any:
     counts, _ = count_trials(library, one, sampler, 1)
-    outcomes, _ = decide_by_outcomes(library, one, sampler, counts, 2)
+    outcomes, _ = decide_by_outcomes(library, one, sampler, 2)
     return judge_extension(counts, sampler, outcomes, counted=False)
 
 

@@ -3,15 +3,17 @@
 import math
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ransac_fix import required_trials, success_probability
+from ransac_fix import approximate_required_trials, required_trials, success_probability
 from ransac_fix.errors import RansacFixError, RansacFixWarning
 from ransac_fix.patching import missing
-from ransac_fix.patching.missing import Attempt, Promise, complete, missing_trials
+from ransac_fix.patching.missing import Attempt, Promise, Spare, complete, missing_trials
+from ransac_fix.patching.watching import CURRENT, Watched
 
 
 @given(
@@ -87,3 +89,50 @@ def test_children_inherit_the_slack(monkeypatch: pytest.MonkeyPatch) -> None:
     program = "from ransac_fix.patching import missing; print(missing.slack())"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout.strip() == "0.25"
+
+
+@given(
+    n_samples=st.integers(5, 3000),
+    data=st.data(),
+    confidence=st.floats(0.2, 0.9999),
+    spare=st.integers(0, 20),
+)
+def test_a_raised_confidence_runs_what_is_missing_and_hardly_more(
+    n_samples: int, data: Any, confidence: float, spare: int
+) -> None:
+    n_inliers = data.draw(st.integers(5, n_samples))
+    counts = n_inliers, n_samples, 4
+    asked = missing.raised_confidence(n_samples, 4, confidence, Spare(spare))
+    assert confidence <= asked < 1
+    own, raised = (approximate_required_trials(*counts, s) for s in (confidence, asked))
+    if own < 10_000:
+        assert raised <= max(own, 1.1 * required_trials(*counts, confidence) + spare + 2)
+
+
+def test_a_raised_confidence_leaves_few_runs_short() -> None:
+    short = {False: 0, True: 0}
+    for n_samples in (20, 40, 100, 1000):
+        for n_inliers in range(n_samples // 2, n_samples, n_samples // 20):
+            for raising in short:
+                asked = missing.raised_confidence(n_samples, 4, 0.99, Spare(10))
+                own = approximate_required_trials(
+                    n_inliers, n_samples, 4, asked if raising else 0.99
+                )
+                short[raising] += own < required_trials(n_inliers, n_samples, 4, 0.99)
+    assert short[False] > 10
+    assert short[True] == 0
+
+
+def test_where_nothing_can_be_raised_the_confidence_is_as_it_was() -> None:
+    for confidence in (0.0, 1.0, -1.0, 1.0 - 2.0**-52):
+        assert missing.raised_confidence(50, 4, confidence, Spare(10)) == confidence
+    assert missing.raised_confidence(4, 4, 0.9, Spare(10)) == 0.9
+    # Three times what is needed is enough.
+    assert missing.raised_confidence(50, 4, 0.9, Spare(0), multiplier=3.0) == 0.9
+    for watched in (Watched(exact=False), Watched(exact=True, raising=False)):
+        token = CURRENT.set(watched)
+        try:
+            assert missing.raised_confidence(20, 4, 0.9, Spare(10)) == 0.9
+        finally:
+            CURRENT.reset(token)
+    assert missing.raised_confidence(20, 4, 0.9, Spare(10)) > 0.9

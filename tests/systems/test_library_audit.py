@@ -69,7 +69,7 @@ def test_wrapped_libraries_are_proved_by_their_trials_and_outcomes():
             assert verdict.points
             continue
         assert extension.kept == extension.runs > 50
-        assert extension.extended > 20
+        assert extension.extended > 0
         if name == "theia":  # two rules a trial apart: it counts them itself
             assert extension.counted
             assert extension.outcomes is None
