@@ -1,13 +1,16 @@
 """What ``--fix`` makes of labelled sites of public repositories.
 
     python benchmarks/scan_fixes.py CORPUS.tsv MIRROR [--verbose]
+    python benchmarks/scan_fixes.py systems MIRROR [--tree SYSTEM=FOLDER] [--at SYSTEM=REVISION]
 
-CORPUS.tsv and MIRROR are those of ``scan_corpus.py``. Each file with an approximate site is fixed,
-unsafe fixes included, in memory. The table says how many findings have a safe fix, an unsafe one or
-none, and why not; whether every result can be read and holds no rule that was fixed; that a second
-run changes nothing; and, for sites that can be worked out by arithmetic alone, that they are exact
-by execution: the original gives the approximate number over a grid of (n, I, k, s), and the fixed
-one the exact number.
+CORPUS.tsv and MIRROR are those of ``scan_corpus.py``; ``systems`` takes the files that
+``systems.toml`` names instead, as ``scan_systems.py`` does. Each file with an approximate site is
+fixed, unsafe fixes included, in memory. The table says how many findings have a safe fix, an unsafe
+one or none, and why not; whether every result can be read and holds no rule that was fixed; that a
+second run changes nothing; and, for sites that can be worked out by arithmetic alone, that they are
+exact by execution: the original gives the approximate number over a grid of (n, I, k, s), and the
+fixed one the exact number. Python is evaluated; C and C++ are cut out and compiled by g++
+(``cpp_site.py``), and where a site cannot be, what it needs is named.
 """
 
 import argparse
@@ -16,21 +19,25 @@ import csv
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+from cpp_site import CppSite, NotAlone, arguments
 from scan_corpus import Row, content, overlaps
+from scan_systems import sources
 
 from ransac_fix import all_inlier_probability
-from ransac_fix.scan.files import SourceFile
-from ransac_fix.scan.findings import Finding
+from ransac_fix.scan.files import LANGUAGES, SourceFile
+from ransac_fix.scan.findings import Edit, Finding, Location
 from ransac_fix.scan.fixes import apply_edits
 from ransac_fix.scan.fixing import fix_findings
 from ransac_fix.scan.python_source import _HELPER_SOURCE
 from ransac_fix.scan.scanner import encoding_of, scan_source
+from ransac_fix.systems import load_systems
 
 RULES = ("RFX001", "RFX002", "RFX003")
+MIN_SINGLE = 3e-3
 GRID = [
     (n, i, k, s)
     for n in (9, 20, 57, 200)
@@ -39,10 +46,6 @@ GRID = [
     for s in (0.9, 0.99)
     if k < i < n
 ]
-
-
-class NotAlone(Exception):  # noqa: N818 -- a site that needs more of its program than arithmetic
-    pass
 
 
 class Site:
@@ -75,6 +78,7 @@ class Site:
             default=None,
         )
         self._scope: ast.AST = tree
+        self._module = tree
         for node in ast.walk(tree):
             inside = isinstance(node, ast.FunctionDef) and (
                 node.lineno <= place.start_line <= (node.end_lineno or 0)
@@ -119,7 +123,10 @@ class Site:
                 return 2.0**-52
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return -self._value(operand, known, line, depth)
-            case ast.Call(func=function, args=args, keywords=[]):
+            case ast.Call(func=function, args=args, keywords=keywords) if all(
+                one.arg in ("a_min", "a_max") for one in keywords
+            ):
+                args = [*args, *(one.value for one in keywords)]
                 name = ast.unparse(function).rpartition(".")[2]
                 if name not in FUNCTIONS and name not in self._helper:
                     raise NotAlone(name)
@@ -130,14 +137,15 @@ class Site:
     def _name(self, name: str, known: dict[str, float], line: int, depth: int) -> Any:
         before = [
             node
-            for node in ast.walk(self._scope)
+            for scope in (self._scope, self._module)
+            for node in ast.walk(scope)
             if isinstance(node, ast.Assign)
-            and node.lineno < line
+            and (node.lineno < line if scope is self._scope else node.col_offset == 0)
             and any(isinstance(one, ast.Name) and one.id == name for one in node.targets)
         ]
         if not before or depth > 9:
             raise NotAlone(name)
-        last = max(before, key=lambda node: node.lineno)
+        last = max(before, key=lambda node: (node.col_offset > 0, node.lineno))
         return self._value(last.value, known, last.lineno, depth + 1)
 
 
@@ -155,73 +163,167 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": max,
     "min": min,
     "round": round,
+    "spacing": math.ulp,
+    "clip": lambda value, low, high: min(max(value, low), high),
 }
 
 
-def execute(before: str, finding: Finding, count: Counter[str], where: str) -> None:
+def execute(before: str, finding: Finding, language: str) -> str:
     """Work a site out before and after its fix, where that takes arithmetic only."""
+    verdict = _execute(before, finding, language, missed=False)
+    if verdict.startswith("OTHER"):  # what is called p may be the chance of a miss
+        other = _execute(before, finding, language, missed=True)
+        verdict = verdict if other.startswith("OTHER") else other
+    return verdict
+
+
+def _execute(before: str, finding: Finding, language: str, *, missed: bool) -> str:
     assert finding.fix is not None
-    edits = [edit for edit in finding.fix.edits if "_all_inlier_probability(" in edit.content]
-    (power,) = [edit for edit in edits if "def _all_inlier" not in edit.content]
+    calls = [edit for edit in finding.fix.edits if "all_inlier_probability" in edit.content]
+    (power,) = [edit for edit in calls if "\n" not in edit.content]
     after = apply_edits(before, [power])
     size, s_text = finding.roles.get("sample_size", ""), finding.roles.get("confidence", "")
-    try:
-        old, new = Site(before, finding), Site(after, finding, power.content)
-        worst = [0.0, 0.0]
-        for n, i, k, s in GRID:
-            k = int(size) if size.isdigit() else k
-            s = float(s_text) if re.fullmatch(r"[0-9.]+", s_text) else s
-            if i <= k:
-                continue
-            for place, (site, p) in enumerate(
-                ((old, (i / n) ** k), (new, all_inlier_probability(i, n, k)))
-            ):
-                rule = math.log1p(-s) / math.log1p(-p)
-                worst[place] = max(worst[place], abs(site(n, i, k, s) / rule - 1))
-    except (NotAlone, SyntaxError, TypeError, ValueError, ZeroDivisionError) as error:
-        print(f"NOT RUN  {where}: {error}")
-        return
-    if worst[0] > 1e-6:
-        count["other to begin with"] += 1
-        print(f"OTHER    {where}: the original does not give the approximate number")
-        return
-    count["executed"] += 1
-    count["exact by execution"] += worst[1] < 1e-6
-    verdict = "EXACT   " if worst[1] < 1e-6 else "DIFFERS "
-    print(f"{verdict} {where}: within {worst[1]:.0e} of the exact number")
+    points: list[tuple[int, int, int, float]] = []
+    for n, i, k, s in GRID:
+        k = int(size) if size.isdigit() else k
+        s = float(s_text) if re.fullmatch(r"[0-9.]+", s_text) else s
+        if i > k:
+            points.append((n, i, k, s))
+    worst = [0.0, 0.0]
+    single, given = False, ""
+    for place, source in enumerate((before, after)):
+        if language == "c++":
+            site = _cpp_site(source, finding, power, fixed=place == 1)
+            single |= site.single
+            given = site.given
+            # In single precision 1 - p keeps no digits of a small p.
+            points = [one for one in points if not single or _exact(*one[:3]) > MIN_SINGLE]
+            values = site.run([(n, i, k, 1 - s if missed else s) for n, i, k, s in points])
+        else:
+            evaluated = Site(source, finding, power.content if place else "")
+            values = [evaluated(n, i, k, 1 - s if missed else s) for n, i, k, s in points]
+        for (n, i, k, s), value in zip(points, values, strict=True):
+            p = _exact(n, i, k) if place else (i / n) ** k
+            rule = math.log1p(-s) / math.log1p(-p)
+            worst[place] = max(worst[place], abs(value / rule - 1))
+    tolerance = 1e-3 if single else 1e-6
+    if not worst[0] <= tolerance:
+        return f"OTHER    the original is off the approximate number by {worst[0]:.0e}"
+    verdict = "EXACT   " if worst[1] <= tolerance else "DIFFERS "
+    stands = f", with log(1 - s) for {given}" if given else ""
+    return f"{verdict} within {worst[1]:.0e} of the exact number at {len(points)} points{stands}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("corpus", type=Path)
-    parser.add_argument("mirror", type=Path)
-    parser.add_argument("--verbose", action="store_true", help="Show every change.")
-    options = parser.parse_args()
-    with options.corpus.open(newline="") as stream:
+def _exact(n: int, i: int, k: int) -> float:
+    return all_inlier_probability(i, n, k)
+
+
+def _cpp_site(source: str, finding: Finding, power: Edit, *, fixed: bool) -> CppSite:
+    """Cut out a site, of the original or with the power replaced."""
+    roles = finding.roles
+    named = {"sample_size": "k", "confidence": "s", "n_inliers": "I", "n_samples": "n"}
+    known = {
+        roles[role]: value
+        for role, value in {"inlier_ratio": "I / n", **named}.items()
+        if role in roles and not re.fullmatch(r"[0-9.]+", roles[role])
+    }
+    place = finding.location
+    if fixed:
+        given = arguments(power.content)
+        known = {one: known[one] for one in known if known[one] in ("k", "s")}
+        known |= {given[0]: "I", given[1]: "n"}
+        place = _moved(place, power)
+    return CppSite(source, place, known)
+
+
+def _moved(place: Location, edit: Edit) -> Location:
+    """Give a place after an edit of one line inside or before it."""
+    at = edit.location
+    grown = len(edit.content) - (at.end_column - at.start_column)
+    rows = at.end_line - at.start_line  # what was on several lines is on one
+
+    def point(line: int, column: int) -> tuple[int, int]:
+        if (line, column) < (at.end_line, at.end_column):
+            return line, column
+        if line > at.end_line:
+            return line - rows, column
+        if rows:
+            return line - rows, at.start_column + len(edit.content) + column - at.end_column
+        return line, column + grown
+
+    start = point(place.start_line, place.start_column)
+    end = point(place.end_line, place.end_column)
+    return Location(place.path, *start, *end)
+
+
+Case = tuple[str, bytes, Callable[[Finding], bool]]
+
+
+def _corpus(options: argparse.Namespace) -> Iterator[Case]:
+    with Path(options.corpus).open(newline="") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
     files: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     for row in rows:
         if row["label"] == "approx":
             files[row["repo"], row["commit"], row["path"]].append(row)
+    for (repo, _, path), sites in files.items():
+
+        def wanted(finding: Finding, sites: list[Row] = sites) -> bool:
+            return any(overlaps(finding, row) for row in sites)
+
+        yield f"{repo}/{path}", content(options.mirror, sites[0]), wanted
+
+
+def _systems(options: argparse.Namespace) -> Iterator[Case]:
+    trees = {name: Path(folder) for name, _, folder in (one.partition("=") for one in options.tree)}
+    revisions = dict(one.split("=", 1) for one in options.at)
+    seen: set[str] = set()
+    for system in load_systems():
+        for site in system.sites:
+            if PurePosixPath(site.path).suffix.lower() not in LANGUAGES:
+                continue
+            found = list(
+                sources(
+                    options.mirror,
+                    system.upstream,
+                    trees.get(system.name),
+                    site.path,
+                    revisions.get(system.name, "HEAD"),
+                )
+            )
+            if not found:
+                print(f"NOT HERE {system.name}/{site.path}")
+            for path, data in found:
+                name = f"{system.name}/{path}"
+                if name not in seen:
+                    seen.add(name)
+                    yield name, data, lambda _: True
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("corpus", help="A table of labelled sites, or `systems`.")
+    parser.add_argument("mirror", type=Path)
+    parser.add_argument("--tree", action="append", default=[], metavar="SYSTEM=FOLDER")
+    parser.add_argument("--at", action="append", default=[], metavar="SYSTEM=REVISION")
+    parser.add_argument("--verbose", action="store_true", help="Show every change.")
+    options = parser.parse_args()
     count: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
-    for (repo, _, path), sites in files.items():
-        data = content(options.mirror, sites[0])
-        language = "notebook" if path.endswith(".ipynb") else "python"
-        name = f"{repo}/{path}"
+    cases = _systems(options) if options.corpus == "systems" else _corpus(options)
+    for name, data, wanted in cases:
+        language = LANGUAGES[PurePosixPath(name).suffix.lower()]
         file = SourceFile(name, language, named=True)
         before = data.decode(encoding_of(data, language))
         findings = [
-            one
-            for one in scan_source(before, file)[0]
-            if one.code in RULES and any(overlaps(one, row) for row in sites)
+            one for one in scan_source(before, file)[0] if one.code in RULES and wanted(one)
         ]
         for one in findings:
             kind = "none" if one.fix is None else "safe" if one.fix.safe else "unsafe"
             count[kind] += 1
             if one.fix is None:
                 reasons[one.no_fix] += 1
-            if options.verbose:
+            if options.verbose or options.corpus == "systems":
                 print(f"{kind.upper():8} {name}:{one.location.start_line} {one.no_fix}")
         fixed, errors = fix_findings(findings, unsafe=True, contents={name: data})
         for error in errors:
@@ -237,17 +339,19 @@ def main() -> None:
             if repeated:
                 count["not idempotent"] += 1
                 print(f"AGAIN    {name}")
-            if language == "python":
-                for one in result.fixed:
-                    where = f"{name}:{one.location.start_line}"
-                    execute(before, one, count, where)
+            for one in result.fixed if language != "notebook" else ():
+                try:
+                    verdict = execute(before, one, language)
+                except (ArithmeticError, NotAlone, SyntaxError, TypeError, ValueError) as error:
+                    verdict = f"NOT RUN  it needs {error}"
+                count[verdict[:8].strip()] += 1
+                print(f"{verdict[:8]} {name}:{one.location.start_line}{verdict[8:]}")
     total = sum(count[kind] for kind in ("safe", "unsafe", "none"))
     print(f"{total} findings: {count['safe']} safe, {count['unsafe']} unsafe, {count['none']} none")
-    for name in (
-        *("fixed", "left alone", "unreadable", "not idempotent"),
-        *("executed", "exact by execution", "other to begin with"),
-    ):
+    for name in (*("fixed", "left alone", "unreadable", "not idempotent"),):
         print(f"{name}: {count[name]}")
+    print(f"executed: {count['EXACT'] + count['DIFFERS']}, exact by execution: {count['EXACT']}")
+    print(f"another number to begin with: {count['OTHER']}, not executed: {count['NOT RUN']}")
     for reason, number in reasons.most_common():
         print(f"{number:4} {reason}")
 

@@ -28,7 +28,7 @@ def git_directory(mirror: Path, repo: str) -> Path:
 
 
 def sources(
-    mirror: Path, upstream: str, tree: Path | None, path: str
+    mirror: Path, upstream: str, tree: Path | None, path: str, revision: str = "HEAD"
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the file of a site, wherever it has moved to under its own name."""
     name = PurePosixPath(path).name
@@ -41,12 +41,12 @@ def sources(
         return
     git = ["git", "--git-dir", str(directory)]
     listed = subprocess.run(
-        [*git, "ls-tree", "-r", "--name-only", "HEAD"], capture_output=True, text=True
+        [*git, "ls-tree", "-r", "--name-only", revision], capture_output=True, text=True
     )
     paths = listed.stdout.splitlines()
     same = [path] if path in paths else [one for one in paths if PurePosixPath(one).name == name]
     for one in same:
-        shown = subprocess.run([*git, "show", f"HEAD:{one}"], capture_output=True)
+        shown = subprocess.run([*git, "show", f"{revision}:{one}"], capture_output=True)
         yield one, shown.stdout
 
 

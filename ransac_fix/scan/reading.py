@@ -134,7 +134,7 @@ def roles_of(site: Site, text: Text) -> dict[str, str]:
     if n_inliers is None and counts is not None:
         n_inliers, n_samples = counts.n_inliers, counts.n_samples
     for name, expr in (
-        ("inlier_ratio", probability.ratio),
+        ("inlier_ratio", _ratio(site)),
         ("n_inliers", n_inliers),
         ("n_samples", n_samples),
         ("sample_size", probability.exponent),
@@ -147,6 +147,17 @@ def roles_of(site: Site, text: Text) -> dict[str, str]:
         if spelled:
             roles[name] = spelled
     return roles
+
+
+def _ratio(site: Site) -> Expr | None:
+    """Give the ratio of a site; where only its counts were raised, what was multiplied."""
+    probability = site.probability
+    if probability.ratio is None or probability.ratio is not probability.n_inliers:
+        return probability.ratio
+    match algebra.plain(site.assumed):
+        case Op(op="mul", args=(_, Ref() as factor)):  # w*w, of w = I/n
+            return factor
+    return None
 
 
 def spell(expr: Expr, text: Text) -> str | None:

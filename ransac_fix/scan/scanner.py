@@ -376,15 +376,18 @@ def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: boo
     quiet = _quiet(source, rules) if gate else frozenset()
     wanted = commented or stated
     wanted |= any(rule.reads_everything and rule.code not in quiet for rule in rules)
-    if gate and not wanted and not triage.could_hold_a_rule(source):
+    ruled = not gate or triage.could_hold_a_rule(source)
+    if not ruled and not wanted:
         return (), ()
     comments = tuple(cpp.comments(source)) if commented or stated else ()
     text = Text(source)
+    module = cpp.parse(source)
     findings = check(
-        cpp.parse(source),
+        module if ruled else Module(()),
         text,
         file.path,
         rules,
+        whole=lambda: module,
         quiet=quiet,
         comments=comments if commented else (),
         language="c++",

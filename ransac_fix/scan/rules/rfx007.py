@@ -169,7 +169,7 @@ def _function_of(prose: Prose, file: ScannedFile) -> Function | None:
     first, last = prose.span.line, prose.span.end_line
     inside: Function | None = None
     below: Function | None = None
-    for function in functions(file.module.body):
+    for function in functions(file.everything().body):
         if function.span.line <= first and last <= function.span.end_line:
             inside = function  # those inside others come later
         elif below is None and 0 < function.span.line - last <= _LINES_ABOVE_A_FUNCTION:
