@@ -3,7 +3,8 @@
 Its generator is seeded from the entropy of the system in every call and its trials are not
 reported, so that only the outcomes of many runs show its rule. Local optimisation (the
 sigma-consensus) cannot be switched off. The default sampler 4 reorders the measurements after
-each trial; 0 draws uniformly.
+each trial; 0 draws uniformly. The original scoring (``use_magsac_plus_plus=False``) stops by the
+mean of what several thresholds up to the largest residual ask for, so that no count decides.
 """
 
 from collections.abc import Callable

@@ -16,10 +16,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from packaging.version import Version
 
-from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
+from ransac_fix.audit.drawing import Drawing
+from ransac_fix.audit.model import OutcomeEvidence
+from ransac_fix.criterion import approximate_all_inlier_probability
 from ransac_fix.report.markdown import escaped
+from ransac_fix.report.outcomes_text import outcome_cells
 from ransac_fix.report.verdicts_markdown import MARKS
 from ransac_fix.systems import System, load_systems
 
@@ -198,14 +202,7 @@ def _page(system: System, releases: list[Json]) -> str:
         "",
         "## Evidence",
         "",
-        f"Release {measured[-1]['version']}. At trial t a model with I of n measurements was in",
-        "hand, and u = -ln(1-s) was just high enough for the rule to go on. A rule that assumes",
-        "P does so at t = u/-ln(1-P), up to a shift that is the same for all points of one rule.",
-        "",
-        "| entry point | n | I | k | t | u | t if (I/n)^k | t if exact |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-        *_points(measured[-1]),
-        "",
+        *_evidence_of(measured[-1]),
         "## Releases",
         "",
         "| release | measured on | Python | wheel (SHA-256) | NumPy | remarks |",
@@ -236,16 +233,75 @@ def _rules(releases: list[Json]) -> Iterator[str]:
 
 def _behaviour(verdict: Json) -> tuple[str, str]:
     """Return what makes two releases behave the same."""
-    # How far the shift of several models from one draw reaches is a matter of chance.
-    return verdict["verdict"], re.sub(r" to \d+(?=`)", "", _rule(verdict))
+    # How far the shift of several models from one draw reaches is a matter of chance, and so is
+    # which laws of the same verdict many runs did not tell apart.
+    return verdict["verdict"], re.sub(r" to \d+(?=`)", "", _rule(verdict, rivals=False))
 
 
-def _rule(verdict: Json) -> str:
+def _rule(verdict: Json, *, rivals: bool = True) -> str:
     law = verdict["stopping_law"]
     if law is None:
         return escaped(verdict["reason"])
     tested = "" if law["tested"] == "every trial" else f", tested {law['tested']} only"
-    return f"`{law['formula']}`{tested}"
+    # What many runs did not tell from it, which means the same verdict.
+    _, _, others = verdict["reason"].partition("; or it assumes ")
+    beside = f", or with P = {escaped(others.rpartition(', which ')[0])}" if others else ""
+    return f"`{law['formula']}`{tested}{beside if rivals else ''}"
+
+
+def _evidence_of(release: Json) -> Iterator[str]:
+    """Write the points of a release, and what its runs returned where there are none."""
+    points, outcomes = list(_points(release)), list(_outcomes(release))
+    of_release = f"Release {release['version']}."
+    if points:
+        yield from (
+            f"{of_release} At trial t a model with I of n measurements was in hand, and",
+            "u = -ln(1-s) was just high enough for the rule to go on. A rule that assumes P does",
+            "so at t = u/-ln(1-P), up to a shift that is the same for all points of one rule; the",
+            "exact one assumes the P of the samples as they were measured to be drawn.",
+            "",
+            "| entry point | n | I | k | t | u | t if (I/n)^k | t if exact |",
+            "| --- | --- | --- | --- | --- | --- | --- | --- |",
+            *points,
+            "",
+        )
+    if outcomes:
+        yield from (
+            f"{of_release} Where runs can be neither repeated nor counted, many were made:",
+            "`kept I` is the share of those that found one of two models, of I and of I+1 of n",
+            "measurements, that ended with the smaller; beside it what P = (I/n)^k, the exact P",
+            "and the law found predict.",
+            "",
+            "| entry point | n | I | s | runs | kept I | if (I/n)^k | if exact | by the law |",
+            "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+            *outcomes,
+            "",
+            "By how much the likeliest law is likelier than those that came closest, as the",
+            "natural logarithm of the likelihood ratio:",
+            "",
+            "| entry point | runs | likelier than |",
+            "| --- | --- | --- |",
+            *_ratios(release),
+            "",
+        )
+
+
+def _outcomes(release: Json) -> Iterator[str]:
+    for verdict in release["verdicts"]:
+        if verdict["stopping_law"] is None or verdict.get("outcomes") is None:
+            continue
+        evidence = msgspec.convert(verdict["outcomes"], OutcomeEvidence)
+        for cells in outcome_cells(evidence):
+            yield f"| {' | '.join((escaped(verdict['entry_point']), *cells))} |"
+
+
+def _ratios(release: Json) -> Iterator[str]:
+    for verdict in release["verdicts"]:
+        if verdict["stopping_law"] is None or verdict.get("outcomes") is None:
+            continue
+        seen = verdict["outcomes"]
+        ratios = ", ".join(f"`{one['law']}` by {one['log_ratio']:g}" for one in seen["ratios"])
+        yield f"| {escaped(verdict['entry_point'])} | {seen['runs']:,} | {ratios} |"
 
 
 def _points(release: Json) -> Iterator[str]:
@@ -262,9 +318,19 @@ def _points(release: Json) -> Iterator[str]:
                     f"{point['u']:.4f}",
                 ),
                 _trials(point["u"], approximate_all_inlier_probability(*counts)),
-                _trials(point["u"], all_inlier_probability(*counts)),
+                _trials(point["u"], _sampled(point, verdict["sampler_law"])),
             )
             yield f"| {' | '.join(map(str, cells))} |"
+
+
+def _sampled(point: Json, sampler: Json) -> float:
+    """Return the chance that one sample as it was measured to be drawn holds inliers only."""
+    drawing = Drawing("distinct", point["sample_size"])
+    if sampler["drawn"] not in ("not uniform", "undecided"):
+        quota = tuple(sampler.get("quota", ()))
+        drawing = Drawing(sampler["drawn"], sampler["sample_size"], quota)
+    strata = tuple(map(tuple, point.get("strata", ())))
+    return drawing.probability(strata or ((point["n_inliers"], point["n"]),))
 
 
 def _trials(u: float, probability: float) -> str:

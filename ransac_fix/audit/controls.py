@@ -28,9 +28,17 @@ Quirk: TypeAlias = Literal[
     "overflow",
     "filter",
     "score",
+    "beyond counts",
 ]
 # With these no law is to be found.
-_NAMED_ALONE = ("first model", "first consensus", "confidence ignored", "no rule", "score")
+_NAMED_ALONE = (
+    "first model",
+    "first consensus",
+    "confidence ignored",
+    "no rule",
+    "score",
+    "beyond counts",
+)
 # P below which the control with the overflow ends at once, as single precision would.
 _VANISHING = 1e-7
 
@@ -77,7 +85,7 @@ class KnownLaw:
     quirk : str or None
         What the program does besides: a defect that must be named, ``"filter"`` for a sampler
         that redraws odd samples without counting a trial, ``"score"`` for a rule that takes a
-        score for the number of inliers.
+        score for the number of inliers, ``"beyond counts"`` for one whose number the data change.
     """
 
     name: str
@@ -163,6 +171,9 @@ class KnownLaw:
         if quirk == "no rule" and self.outcomes_only:
             # That a run uses its budget does not show, only that it has no use for s.
             quirk = "confidence ignored"
+        if quirk == "beyond counts" and not self.outcomes_only:
+            # Points show that they follow no law, not why.
+            quirk = None
         if measured.defects != ((quirk,) if quirk in DEFECTS else ()):
             return False
         if self.quirk in _NAMED_ALONE:
@@ -225,6 +236,7 @@ ZOO = (
     KnownLaw("replacement sampler, exact", "distinct", "affine", 3, drawn="replacement"),
     KnownLaw("filter that counts no trials", "distinct", "affine", 3, quirk="filter"),
     KnownLaw("score for a count", "distinct", "affine", 3, quirk="score"),
+    KnownLaw("data for a count", "distinct", "affine", 3, quirk="beyond counts"),
     KnownLaw("exact, tested on improvement", "distinct", "affine", 3, tested="on improvement"),
     KnownLaw("stops for I <= k", "distinct", "affine", 3, quirk="first model"),
     KnownLaw("stops for I > k", "approximate", "affine", 3, quirk="first consensus"),

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from ransac_fix.audit import laws, outcomes, plan, sampling
+from ransac_fix.audit.dispersion import goes_by_the_data
 from ransac_fix.audit.model import Defect, OutcomeEvidence, Point, SamplerLaw
 from ransac_fix.audit.worker import streams
 from ransac_fix.audit.worker.planted import PROBLEMS
@@ -207,6 +208,10 @@ def _by_outcomes(
     unmeasured = _not_by_outcomes(one, sampler)
     if unmeasured:
         return Measurement(sampler, (), laws.Fit(None), runs, {}, unmeasured=unmeasured)
+    by_the_data, more = goes_by_the_data(host, one, sampler, seed + 50_000)
+    runs += more
+    if by_the_data:
+        return Measurement(sampler, (), laws.Fit(None), runs, {}, ("beyond counts",))
     decision = outcomes.decide(host, one, sampler, seed + 30_000)
     defects: tuple[Defect, ...] = () if decision.defect is None else (decision.defect,)
     return Measurement(

@@ -26,7 +26,12 @@ Drawn: TypeAlias = Literal[
 ]
 
 Defect: TypeAlias = Literal[
-    "first model", "first consensus", "confidence ignored", "no rule", "overflow"
+    "first model",
+    "first consensus",
+    "confidence ignored",
+    "no rule",
+    "overflow",
+    "beyond counts",
 ]
 """What a program does besides its law, or in place of one; see `DEFECTS`."""
 
@@ -38,6 +43,10 @@ DEFECTS: dict[Defect, str] = {
     "confidence ignored": "takes a confidence that has no effect",
     "no rule": "has no stopping rule: it always uses its budget",
     "overflow": "ends with its first sample on many measurements, where P is tiny",
+    "beyond counts": (
+        "stops by more than n, I, k and s: on other data of the same numbers it ends runs at other "
+        "times"
+    ),
 }
 
 Binding: TypeAlias = Literal["rule", "minimum", "maximum"]

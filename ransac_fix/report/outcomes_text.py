@@ -48,11 +48,8 @@ def outcome_lines(evidence: OutcomeEvidence, *, every_point: bool = False) -> "l
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for title in ("n", "I", "s", "runs", "kept I", "if (I/n)^k", "if exact", "by the law"):
         table.add_column(title, justify="right", no_wrap=True)
-    counts = [count for count in evidence.counts if count.confidence is not None]
-    if not every_point:
-        counts = sorted(counts, key=lambda count: -(count.smaller + count.larger))[:_ROWS]
-    for count in counts:
-        table.add_row(*_cells(count))
+    for cells in outcome_cells(evidence, every_point=every_point):
+        table.add_row(*cells)
     lines: list[Text | Table] = [table, Text(_ratios(evidence))]
     if evidence.factor is not None:
         likeliest, low, high = evidence.factor
@@ -63,6 +60,20 @@ def outcome_lines(evidence: OutcomeEvidence, *, every_point: bool = False) -> "l
             )
         )
     return lines
+
+
+def outcome_cells(evidence: OutcomeEvidence, *, every_point: bool = False) -> list[tuple[str, ...]]:
+    """Return the rows of that table.
+
+    Parameters
+    ----------
+    evidence, every_point
+        As in `outcome_lines`.
+    """
+    counts = [count for count in evidence.counts if count.confidence is not None]
+    if not every_point:
+        counts = sorted(counts, key=lambda count: -(count.smaller + count.larger))[:_ROWS]
+    return [_cells(count) for count in counts]
 
 
 def _cells(count: OutcomeCount) -> tuple[str, ...]:

@@ -5,8 +5,18 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from ransac_fix.audit.model import AtDefaults, Extension, Guarantee, Point, Report, Verdict
-from ransac_fix.criterion import all_inlier_probability, approximate_all_inlier_probability
+from ransac_fix.audit.drawing import Drawing
+from ransac_fix.audit.model import (
+    AtDefaults,
+    Extension,
+    Guarantee,
+    Point,
+    Report,
+    SamplerLaw,
+    Verdict,
+)
+from ransac_fix.audit.sampling import drawing_of
+from ransac_fix.criterion import approximate_all_inlier_probability
 from ransac_fix.report.outcomes_text import OUTCOMES_LEGEND, outcome_lines
 from ransac_fix.report.text_table import count_text, probability_text
 
@@ -30,7 +40,8 @@ _FEW = 4
 _POINTS_LEGEND = (
     "At trial t a model with I of n measurements was in hand, and u = -ln(1-s) was just high "
     "enough for the rule to go on. A rule that assumes P does so at t = u/-ln(1-P), up to a shift "
-    "of a few trials: the two columns on the right, for P = (I/n)^k and P = C(I,k)/C(n,k)."
+    "of a few trials: the two columns on the right, for P = (I/n)^k and for the P of its samples "
+    "as they were measured to be drawn."
 )
 _GUARANTEE_LEGEND = (
     "A guarantee is the probability that, with a model of I inliers in hand, one sample lay "
@@ -91,7 +102,8 @@ def _print_verdict(verdict: Verdict, console: "Console", every_point: bool) -> N
     console.print(head, overflow="fold")
     body: list[Text | Table] = [Text(f"{verdict.reason}.")]
     if verdict.points:
-        body.append(_points_table(verdict.points if every_point else _one_each(verdict.points)))
+        points = verdict.points if every_point else _one_each(verdict.points)
+        body.append(_points_table(points, verdict.sampler_law))
     if verdict.extension is not None:
         body += _extension(verdict.extension)
     if verdict.outcomes is not None:
@@ -151,7 +163,7 @@ def _one_each(points: Iterable[Point]) -> list[Point]:
     return list(best.values())
 
 
-def _points_table(points: Iterable[Point]) -> "Table":
+def _points_table(points: Iterable[Point], sampler: SamplerLaw | None) -> "Table":
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
@@ -166,9 +178,17 @@ def _points_table(points: Iterable[Point]) -> "Table":
             str(point.trials),
             f"{point.u:.4f}",
             _trials(point.u, approximate_all_inlier_probability(*counts)),
-            _trials(point.u, all_inlier_probability(*counts)),
+            _trials(point.u, _sampled(point, sampler)),
         )
     return table
+
+
+def _sampled(point: Point, sampler: SamplerLaw | None) -> float:
+    """Return the chance that one sample as it was measured to be drawn holds inliers only."""
+    drawing = Drawing("distinct", point.sample_size)
+    if sampler is not None and sampler.drawn not in ("not uniform", "undecided"):
+        drawing = drawing_of(sampler)
+    return drawing.probability(point.strata or ((point.n_inliers, point.n),))
 
 
 def _trials(u: float, probability: float) -> str:

@@ -99,6 +99,25 @@ def test_text_fits_the_terminal_and_shows_the_evidence(width):
     assert "not installed: kornia" in text
 
 
+@pytest.mark.parametrize(
+    ("sampler", "strata", "chance"),
+    [
+        # (5)_4 / 14^4: an index may come twice.
+        ({"drawn": "replacement"}, (), 5 * 4 * 3 * 2 / 14**4),
+        # Two of 3 among 6, two of 2 among 8.
+        ({"drawn": "stratified", "quota": (2, 2)}, ((3, 6), (2, 8)), 3 / 15 / 28),
+        # No law is known: as if drawn distinct.
+        ({"drawn": "not uniform", "sample_size": 3}, (), 5 / 1001),
+    ],
+)
+def test_the_exact_column_is_that_of_the_sampler_measured(sampler, strata, chance):
+    console = Console(width=100, record=True, file=io.StringIO())
+    points = tuple(replace(point, strata=strata) for point in VERDICT.points)
+    drawn = replace(VERDICT.sampler_law, **sampler)
+    print_verdicts(report(replace(VERDICT, sampler_law=drawn, points=points)), console)
+    assert f" {1.3703 / -math.log1p(-chance):.2f}" in console.export_text()
+
+
 def test_every_point_on_request():
     console = Console(width=100, record=True, file=io.StringIO())
     print_verdicts(report(VERDICT), console, every_point=True)

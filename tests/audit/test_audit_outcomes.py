@@ -107,6 +107,16 @@ def test_a_known_law_is_recognised_by_outcomes(name):
     assert seen == found.outcomes.runs
 
 
+def test_a_rule_that_the_data_change_is_not_taken_for_a_law():
+    """A quarter or three times the exact number, mixed, looks like (I/n)^k from afar."""
+    law = by_name("data for a count")
+    host = LocalHost(control_probe.entry_point(law))
+    found = measure(host, host.described, 3)
+    assert law.recognised(found), found
+    assert judge(found)[0] == "other rule"
+    assert found.outcomes is None
+
+
 @pytest.mark.parametrize(
     ("described", "drawn", "reason"),
     [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.audit.worker.endings import endings
-from ransac_fix.audit.worker.outcomes import outcomes
+from ransac_fix.audit.worker.outcomes import dispersion, outcomes
 from ransac_fix.audit.worker.streams import defaults, hits, larger, points, trials
 
 if TYPE_CHECKING:
@@ -21,4 +21,5 @@ REQUESTS: dict[str, Callable[[EntryPoint, dict[str, Any]], dict[str, Any]]] = {
     "defaults": defaults,
     "endings": endings,
     "outcomes": outcomes,
+    "dispersion": dispersion,
 }
