@@ -207,7 +207,8 @@ def _entry_points(cv2: Any) -> list[EntryPoint | Unmeasured]:
     methods = ("RANSAC", *(name for name in _USAC if hasattr(cv2, name)))
     for method in methods:
         run = functions.homography(getattr(cv2, method))
-        add("findHomography", method, "homography", 4, run, (0.995, 2000, "maxIters"))
+        defaults = (0.995, 2000, "maxIters")
+        add("findHomography", method, "homography", 4, run, defaults, typical_trials=40)
     for method in methods:
         run = functions.fundamental(getattr(cv2, method))
         defaults = (0.99, 1000, "maxIters")

@@ -77,12 +77,13 @@ def _entry_points(pytheia: Any) -> list[EntryPoint | Unmeasured]:
             counted=True,
             repeatable=False,
             spare=spare,
+            typical_trials=typical_trials,
         )
-        for name, problem, k, calibrated, spare in (
-            ("EstimateHomography", "homography", 4, False, 1),
-            ("EstimateFundamentalMatrix", "fundamental", 8, False, 2),
-            ("EstimateEssentialMatrix", "essential", 5, True, 2),
-            ("EstimateRelativePose", "essential", 5, True, 2),
+        for name, problem, k, calibrated, spare, typical_trials in (
+            ("EstimateHomography", "homography", 4, False, 1, 40),
+            ("EstimateFundamentalMatrix", "fundamental", 8, False, 2, 80),
+            ("EstimateEssentialMatrix", "essential", 5, True, 2, 80),
+            ("EstimateRelativePose", "essential", 5, True, 2, 80),
         )
         if hasattr(sfm, name)
     ]

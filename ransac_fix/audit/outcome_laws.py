@@ -274,8 +274,7 @@ def trials_of(law: Hypothesis, problem: Problem, sample_size: int, u: Array) -> 
     tuple of ndarray, shape of `u`
         Before rounding.
     """
-    in_hand, without = (
-        np.array([law.x(size, problem.n, float(value)) for value in u])
-        for size in (problem.group_size, sample_size)
-    )
-    return in_hand, without
+    in_hand, without = (law.x(size, problem.n, 1.0) for size in (problem.group_size, sample_size))
+    # A rule with a confidence of its own has no use for u.
+    scale = u if law.fixed is None else np.ones_like(u)
+    return in_hand * scale, without * scale

@@ -33,10 +33,14 @@ BUDGET_REACHED = "the run reached its budget"
 TOO_SHORT = "the run was too short"
 FIXED_COUNT = "the count does not depend on the confidence"
 ALWAYS_STOPS = "the rule stops before the larger model even at the highest confidence"
-# Streams in vain, after which no others are tried.
+# Streams in vain, after which no others are tried; and the same of runs that count their trials
+# and all reach a budget several times what a rule would ask for.
 _HOPELESS = 20
-# Runs of one stream that is another each time.
+_HOPELESS_BUDGETS = 8
+# Runs of one stream that is another each time, at most, and how often the least count must come:
+# runs that go on because A came late end anywhere.
 _REPEATS = 16
+_AGREEING = 4
 
 
 @dataclass(frozen=True)
@@ -256,13 +260,15 @@ def counted_point(stream: Stream, largest: int, smallest: int, u: float) -> Meas
     def trials(u: float) -> int:
         # A run ends when the rule says so for A's count, or when A comes if that is later: of
         # runs that cannot be repeated the shortest is taken.
-        counts = []
+        counts: list[int] = []
         for _ in range(1 if stream.entry_point.repeatable else _REPEATS):
             outcome = stream.run(largest, confidence_of(u))
             if outcome.trials is None:
                 raise Discarded("the number of trials was not reported")
             if stream.planted.group_of(outcome.inliers) is not None:
                 counts.append(outcome.trials)
+                if counts.count(min(counts)) == _AGREEING:
+                    break
         if not counts:
             raise Discarded("no smaller model was in hand")
         return min(counts)
@@ -320,7 +326,8 @@ def points(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
     counting = request["kind"] == "count"
     size = request["group_size"]
     for index in range(request["streams"]):
-        if len(found) >= request["wanted"] or (not found and index == _HOPELESS):
+        endless = discarded.get(BUDGET_REACHED) == index == _HOPELESS_BUDGETS
+        if len(found) >= request["wanted"] or (not found and index == _HOPELESS) or endless:
             break
         seed = request["seed"] + index
         planted = plant(
