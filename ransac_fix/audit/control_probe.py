@@ -5,7 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, KnownLaw
+from ransac_fix.audit.controls import (
+    CONTROLS,
+    OUTCOME_CONTROLS,
+    QUICK_OUTCOME_CONTROLS,
+    KnownLaw,
+)
 from ransac_fix.audit.drawing import Strata, spread
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
 from ransac_fix.audit.worker.planted import Planted
@@ -38,23 +43,26 @@ class _ByStrata:
     def __init__(self, law: KnownLaw, strata: NDArray[np.int64]) -> None:
         self._law = law
         self._members = [np.flatnonzero(strata == stratum) for stratum in range(law.n_strata)]
+        self._sizes = [len(members) for members in self._members]
 
     def draw(self, rng: np.random.Generator) -> NDArray[np.intp]:
         law = self._law
         if not law.quota:
             drawn: list[int] = []
             while len(drawn) < law.sample_size:
-                index = int(rng.choice(self._members[rng.integers(law.n_strata)]))
+                stratum = rng.integers(law.n_strata)
+                index = int(self._members[stratum][rng.integers(self._sizes[stratum])])
                 if index not in drawn:
                     drawn.append(index)
             return np.array(drawn)
         order = np.arange(law.n_strata)
         if law.drawn == "weighted":
             rng.shuffle(order)
-        parts = zip(order, law.quota, strict=False)
-        return np.concatenate(
-            [rng.choice(self._members[stratum], size, replace=False) for stratum, size in parts]
-        )
+        parts = [
+            self._members[stratum][DistinctSampler(self._sizes[stratum], size).draw(rng)]
+            for stratum, size in zip(order, law.quota, strict=False)
+        ]
+        return np.concatenate(parts)
 
 
 class _Preferring:
@@ -71,7 +79,7 @@ class _Preferring:
 
 _PREFERRED = 0.75
 # Trials of a run where thousands are needed.
-_BRIEF = 40
+_BRIEF = 30
 # Pixels; the planted points are farther apart.
 _APART = 1.0
 
@@ -157,7 +165,8 @@ def _strata(planted: Planted, n_inliers: int) -> Strata:
 
 
 def _entry_points(_module: Any) -> list[EntryPoint | Unmeasured]:
-    return [entry_point(law) for law in (*CONTROLS, *OUTCOME_CONTROLS)]
+    laws = (*CONTROLS, *OUTCOME_CONTROLS, *QUICK_OUTCOME_CONTROLS)
+    return [entry_point(law) for law in laws]
 
 
 PROBE = Probe("reference", "ransac_fix.reference", ("ransac-fix",), _entry_points)

@@ -30,6 +30,9 @@ Quirk: TypeAlias = Literal[
     "score",
     "beyond counts",
 ]
+# Controls that every measurement rests on, those of strata, and those by outcomes.
+Kind: TypeAlias = Literal["any", "strata", "outcomes"]
+KINDS: tuple[Kind, ...] = ("any", "strata", "outcomes")
 # With these no law is to be found.
 _NAMED_ALONE = (
     "first model",
@@ -211,8 +214,36 @@ CONTROLS = (
     KnownLaw("by strata, pooled rule", "approximate", "affine", 3, drawn="weighted", n_strata=2),
 )
 
-# The law that an audit proves itself on where it has to go by outcomes.
+# The law that an audit proves itself on where it has to go by outcomes, and one that fewer runs
+# tell from those of other verdicts: it is to be told from the exact one, too.
 OUTCOME_CONTROLS = (KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),)
+QUICK_OUTCOME_CONTROLS = (
+    KnownLaw(
+        "exact in I+1, by outcomes",
+        "distinct",
+        "affine",
+        3,
+        inlier_offset=1,
+        outcomes_only=True,
+    ),
+)
+
+
+def controls_for(kind: Kind, *, quick: bool = False) -> tuple[KnownLaw, ...]:
+    """Return the known laws that an audit proves itself on.
+
+    Parameters
+    ----------
+    kind : {"any", "strata", "outcomes"}
+        What rests on them: every measurement, one of a function that knows of strata, or one that
+        goes by outcomes.
+    quick : bool, default False
+        Whether few runs matter.
+    """
+    if kind == "outcomes":
+        return QUICK_OUTCOME_CONTROLS if quick else OUTCOME_CONTROLS
+    return tuple(law for law in CONTROLS if (law.n_strata > 1) == (kind == "strata"))
+
 
 # All laws known, for the benchmark that measures how often one is mistaken.
 ZOO = (

@@ -92,7 +92,9 @@ class Measurement:
     unmeasured: str = ""
 
 
-def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
+def measure(
+    host: Asked, one: dict[str, Any], seed: int = SEED, *, verdict_only: bool = False
+) -> Measurement:
     """Measure the sampler and the stopping rule of one entry point.
 
     Parameters
@@ -103,6 +105,8 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
         The entry point as described by the worker.
     seed : int, optional
         Fixes the planted problems and the random streams.
+    verdict_only : bool, default False
+        Whether runs whose outcomes alone are seen need not tell laws of one verdict apart.
 
     Returns
     -------
@@ -112,20 +116,20 @@ def measure(host: Asked, one: dict[str, Any], seed: int = SEED) -> Measurement:
     sampler, more = _with_filter(host, one, sampler, seed)
     runs += more
     if not one["repeatable"] and not one["counted"]:
-        return _by_outcomes(host, one, sampler, runs, seed)
+        return _by_outcomes(host, one, sampler, runs, seed, verdict_only)
     points: list[Point] = []
     discarded: dict[str, int] = {}
     fit = laws.Fit(None)
     k = one["sample_size"]
     for attempt in range(2):
-        # Counted trials are checked by a flip point, unless the draws themselves were counted: then
-        # one point a problem does, as such libraries are slow;
+        # Counted trials are checked by a flip point of the shortest runs, unless the draws
+        # themselves were counted: then one point a problem does, as such libraries are slow;
         # flip points are the evidence else.
         steps = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
         if not one["repeatable"]:
             steps = []
         if one["counted"] and attempt == 0:
-            checked = steps[:1]
+            checked = sorted(steps, key=lambda step: step[1].trials)[:1]
             steps = [
                 ("count", s, 1 if one["watched"] else s.points)
                 for s in settings_for(one, sampler, counted=True)
@@ -202,7 +206,12 @@ def settings_for(
 
 
 def _by_outcomes(
-    host: Asked, one: dict[str, Any], sampler: SamplerLaw, runs: int, seed: int
+    host: Asked,
+    one: dict[str, Any],
+    sampler: SamplerLaw,
+    runs: int,
+    seed: int,
+    verdict_only: bool,
 ) -> Measurement:
     """Measure a rule that shows in nothing but how often runs return which model."""
     unmeasured = _not_by_outcomes(one, sampler)
@@ -212,7 +221,7 @@ def _by_outcomes(
     runs += more
     if by_the_data:
         return Measurement(sampler, (), laws.Fit(None), runs, {}, ("beyond counts",))
-    decision = outcomes.decide(host, one, sampler, seed + 30_000)
+    decision = outcomes.decide(host, one, sampler, seed + 30_000, verdict_only=verdict_only)
     defects: tuple[Defect, ...] = () if decision.defect is None else (decision.defect,)
     return Measurement(
         sampler, (), decision.fit, runs + decision.runs, {}, defects, decision.evidence

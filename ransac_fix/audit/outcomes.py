@@ -187,6 +187,8 @@ def decide(
     sampler: SamplerLaw,
     seed: int,
     clock: Callable[[], float] = time.monotonic,
+    *,
+    verdict_only: bool = False,
 ) -> Decision:
     """Find the stopping law by runs whose outcomes alone can be seen.
 
@@ -202,6 +204,8 @@ def decide(
         Fixes the planted problems.
     clock : callable, optional
         Seconds, for the limit on time.
+    verdict_only : bool, default False
+        End once all laws left mean the same verdict, without telling these apart.
 
     Returns
     -------
@@ -216,12 +220,13 @@ def decide(
     verdicts = [_verdict(law, sampler) for law in laws]
     # The first runs tell the exact law from the approximate one.
     wanted = [(laws[1], _DECIDED)]
-    # Once all laws left mean the same verdict, half as many runs again, and some at any rate, go
-    # into telling them apart.
-    while (
-        runs < min(_MOST_RUNS, max(_ENOUGH_RUNS, _AGAIN * settled))
-        and clock() - started < _MOST_SECONDS
-    ):
+
+    def enough() -> float:
+        # Once all laws left mean the same verdict, half as many runs again, and some at any
+        # rate, go into telling them apart.
+        return settled if verdict_only else max(_ENOUGH_RUNS, _AGAIN * settled)
+
+    while runs < min(_MOST_RUNS, enough()) and clock() - started < _MOST_SECONDS:
         chosen = planner.best(laws[best], wanted, evidence.calibrations)
         if chosen is None and runs:
             # None of them can be told from the likeliest, but perhaps from each other.

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, KnownLaw
+from ransac_fix.audit.controls import CONTROLS, KINDS, Kind, KnownLaw, controls_for
 from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
 from ransac_fix.audit.drawing import spread
 from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
@@ -69,7 +69,8 @@ class Options:
     problems : tuple of (n, I, s)
         Where to state guarantees besides the standard problems; s None for the default.
     quick : bool
-        Measure one entry point of each system only, the one users call most.
+        Measure one entry point of each system only, the one users call most, and runs that show
+        nothing but outcomes only until the verdict is settled.
     entry_points : tuple of str
         Shell patterns: measure only the entry points whose name matches one; none for all.
     """
@@ -106,15 +107,13 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
     """
     started = time.monotonic()
     jobs = [_Job(system, file) for system, file in chosen_probes(options.systems).items()]
-    crew = _Crew(jobs, options, progress)
+    controls = _Controls(options)
+    controls.ask("any")
+    crew = _Crew(jobs, options, progress, controls)
     with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
-        controls_running = pool.submit(measure_controls, options)
         members = [pool.submit(crew.work) for _ in range(max(2, os.cpu_count() or 1))]
         for member in members:
             member.result()
-        controls = controls_running.result()
-    measured = [verdict for job in crew.jobs for verdict in job.verdicts()]
-    controls += controls_by_outcomes(measured, options)
     verdicts: list[Verdict] = []
     missing: list[str] = []
     for job in crew.jobs:
@@ -124,7 +123,7 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
             verdicts.append(Verdict(job.system, "-", None, "not measured", "not installed"))
         else:
             missing.append(job.system)
-    return _report(verdicts, controls, missing, started)
+    return _report(verdicts, controls.measured(verdicts), missing, started)
 
 
 def audit_function(arguments: Sequence[str], options: Options) -> Report:
@@ -144,11 +143,11 @@ def audit_function(arguments: Sequence[str], options: Options) -> Report:
     """
     started = time.monotonic()
     job = _Job("your own", _USER_PROBE, tuple(arguments))
-    _Crew([job], options, lambda _: None).work()
-    wrapped = "-" not in job.done
-    controls = measure_controls(options) if wrapped else ()
-    controls += controls_by_outcomes(job.verdicts(), options)
-    return _report(job.verdicts(), controls, [], started)
+    controls = _Controls(options)
+    _Crew([job], options, lambda _: None, controls).work()
+    if "-" not in job.done:
+        controls.ask("any")
+    return _report(job.verdicts(), controls.measured(job.verdicts()), [], started)
 
 
 def audit_system(
@@ -231,7 +230,7 @@ def _slowest_first(name: str) -> int:
     """Put the systems that take longest first, so that no worker waits at the end."""
     order = (
         *("opencv", "opengv", "kornia", "gc-ransac", "magsac"),
-        *("kornia-rs", "open3d", "scikit-learn", "scikit-image"),
+        *("kornia-rs", "open3d", "scikit-learn", "theia", "scikit-image"),
     )
     return order.index(name) if name in order else len(order)
 
@@ -282,16 +281,73 @@ class _Job:
         return [self.done[name] for name in order if name in self.done]
 
 
+class _Controls:
+    """The known laws that an audit proves itself on, those of each kind measured once.
+
+    Parameters
+    ----------
+    options : Options
+        As for `measure_controls`.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._lock = threading.Lock()
+        self._asked: set[Kind] = set()
+        self._waiting: deque[Kind] = deque()
+        self._found: dict[Kind, tuple[Control, ...]] = {}
+
+    def ask(self, *kinds: Kind) -> None:
+        """Have the laws of these kinds measured, unless they were asked for before."""
+        with self._lock:
+            for kind in set(kinds) - self._asked:
+                self._asked.add(kind)
+                self._waiting.append(kind)
+
+    def measure_next(self) -> bool:
+        """Measure those of one kind that are waiting; whether there were any."""
+        try:
+            kind = self._waiting.popleft()
+        except IndexError:
+            return False
+        laws = controls_for(kind, quick=self._options.quick)
+        self._found[kind] = measure_controls(self._options, laws)
+        return True
+
+    def measured(self, verdicts: Iterable[Verdict]) -> tuple[Control, ...]:
+        """Return all that was asked for, and what these verdicts rest on besides."""
+        if any(verdict.outcomes for verdict in verdicts):
+            self.ask("outcomes")
+        while self.measure_next():
+            pass
+        return tuple(control for kind in KINDS for control in self._found.get(kind, ()))
+
+
+def _kinds(one: dict[str, Any], *, wrapped: bool) -> list[Kind]:
+    """Return the kinds of control that the measurement of an entry point rests on."""
+    kinds: list[Kind] = ["strata"] if one["n_strata"] > 1 else []
+    # The trials of wrapped functions are counted.
+    if not one["repeatable"] and not one["counted"] and not wrapped:
+        kinds.append("outcomes")
+    return kinds
+
+
 class _Crew:
     """Threads that each drive one worker process at a time, until nothing is left to measure.
 
     Every system is begun by one of them; those that find none left help with the longest queue.
+    Controls that a measurement turns out to rest on go first.
     """
 
     def __init__(
-        self, jobs: list[_Job], options: Options, progress: Callable[[str], object]
+        self,
+        jobs: list[_Job],
+        options: Options,
+        progress: Callable[[str], object],
+        controls: _Controls | None = None,
     ) -> None:
         self.jobs = jobs
+        self._controls = controls
         self._unbegun = deque(sorted(self.jobs, key=lambda job: _slowest_first(job.system)))
         self._options = options
         self._progress = progress
@@ -300,6 +356,8 @@ class _Crew:
     def work(self) -> None:
         """Measure until nothing is left to begin or to help with."""
         while True:
+            if self._controls is not None and self._controls.measure_next():
+                continue
             with self._lock:
                 job = self._unbegun.popleft() if self._unbegun else None
                 if job is None:
@@ -346,6 +404,8 @@ class _Crew:
                 if "unmeasured" in one:
                     raise WorkerFailed(one["unmeasured"])
                 wrapped = described["wrapped"]
+                if self._controls is not None:
+                    self._controls.ask(*_kinds(one, wrapped=wrapped))
                 verdict = _audit_entry_point(host, job.system, version, one, options, wrapped)
                 if described["refused"]:
                     unpatched = f"Measured as it is: its patch was refused, {described['refused']}."
@@ -386,7 +446,7 @@ def _audit_entry_point(
                 seconds=round(time.monotonic() - started, 3),
                 extension=extension,
             )
-    measured = measure(host, one)
+    measured = measure(host, one, verdict_only=options.quick)
     runs = measured.runs
     verdict, reason = judge(measured)
     defaults = None
@@ -531,9 +591,9 @@ def measure_controls(
     Parameters
     ----------
     options : Options
-        Only the time matters: the controls run in the audit's own environment.
+        Its time matters, and `quick`: the controls run in the audit's own environment.
     laws : sequence of KnownLaw, optional
-        Which; `OUTCOME_CONTROLS` in place of `CONTROLS` where a verdict rests on outcomes.
+        Which; see `controls_for`.
     seed : int, optional
         Fixes the planted problems and the random streams.
 
@@ -547,7 +607,8 @@ def measure_controls(
             described = {one["name"]: one for one in host.ask("describe")["entry_points"]}
             for known in laws:
                 host.allow(options.seconds)
-                measured = measure(host, described[known.name], seed)
+                one = described[known.name]
+                measured = measure(host, one, seed, verdict_only=options.quick)
                 found = measured.fit.law
                 controls.append(
                     Control(
@@ -578,5 +639,5 @@ def controls_by_outcomes(verdicts: Iterable[Verdict], options: Options) -> tuple
     tuple of Control
     """
     if any(verdict.outcomes for verdict in verdicts):
-        return measure_controls(options, OUTCOME_CONTROLS)
+        return measure_controls(options, controls_for("outcomes", quick=options.quick))
     return ()

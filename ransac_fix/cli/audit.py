@@ -34,7 +34,11 @@ _EXIT_UNMEASURED = 2
     type=click.Path(exists=True, dir_okay=False),
     help="Measure the environment of this interpreter; ransac-fix need not be installed there.",
 )
-@click.option("--quick", is_flag=True, help="One entry point of each system.")
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="One entry point of each system, and no more runs than its verdict takes.",
+)
 @click.option(
     "--entry-point",
     "entry_points",

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ransac_fix.audit import control_probe, session
-from ransac_fix.audit.controls import CONTROLS, ZOO
+from ransac_fix.audit.controls import CONTROLS, KINDS, ZOO, controls_for
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.local import LocalHost
 from ransac_fix.audit.measure import measure
@@ -79,7 +79,63 @@ def test_a_run_that_ends_with_a_model_in_hand_undersamples(law):
 
 def test_no_verdict_is_given_when_a_control_is_misidentified(monkeypatch):
     failed = session.Control("exact", "this", "that", False, 10)
-    monkeypatch.setattr(session, "measure_controls", lambda options: (failed,))
+    monkeypatch.setattr(session, "measure_controls", lambda options, laws: (failed,))
     report = session.audit(Options(("scikit-image",), sys.executable))
     assert [v.verdict for v in report.verdicts] == ["not measured"]
     assert "control was misidentified (exact)" in report.verdicts[0].reason
+
+
+def test_every_control_vouches_for_one_kind_of_measurement():
+    of_kinds = [law for kind in KINDS for law in controls_for(kind)]
+    assert set(CONTROLS) < set(of_kinds)
+    assert len(set(of_kinds)) == len(of_kinds)
+    assert all(law.n_strata == 1 for law in controls_for("any"))
+    assert all(law.n_strata > 1 for law in controls_for("strata"))
+    for quick in (True, False):
+        assert all(law.outcomes_only for law in controls_for("outcomes", quick=quick))
+
+
+@pytest.fixture
+def measured_kinds(monkeypatch):
+    """The kinds of control that were measured, none of them really."""
+    kinds = []
+
+    def pretend(options, laws):
+        kinds.append(next(kind for kind in KINDS if laws == controls_for(kind)))
+        return (session.Control(kinds[-1], "this", "this", True, 10),)
+
+    monkeypatch.setattr(session, "measure_controls", pretend)
+    return kinds
+
+
+def test_only_the_controls_that_a_measurement_rests_on_are_measured(measured_kinds):
+    """Neither strata nor outcomes show anything of this one."""
+    report = session.audit(Options(("scikit-image",), sys.executable))
+    assert measured_kinds == ["any"]
+    assert [v.verdict for v in report.verdicts] == ["undersamples"]
+    assert report.runs == 10 + report.verdicts[0].runs
+
+
+@pytest.mark.parametrize(
+    ("entry_point", "kinds"),
+    [("findRigidTransform(*", {"any", "outcomes"}), ("findLine2D", {"any"})],
+)
+def test_the_control_by_outcomes_is_measured_beside_such_entry_points(
+    monkeypatch, measured_kinds, entry_point, kinds
+):
+    monkeypatch.setattr(session, "_audit_entry_point", verdict_by_outcomes)
+    session.audit(Options(("gc-ransac",), sys.executable, entry_points=(entry_point,)))
+    assert set(measured_kinds) == kinds
+    assert len(measured_kinds) == len(kinds)
+
+
+def test_the_controls_by_strata_are_measured_beside_such_entry_points(monkeypatch, measured_kinds):
+    monkeypatch.setattr(session, "_audit_entry_point", verdict_by_outcomes)
+    which = ("estimate_generalized_absolute_pose",)
+    session.audit(Options(("poselib",), sys.executable, entry_points=which))
+    assert sorted(measured_kinds) == ["any", "strata"]
+
+
+def verdict_by_outcomes(host, system, version, one, options, wrapped):
+    """Stand in for the measurement, which is not what is looked at."""
+    return session.Verdict(system, one["name"], version, "exact", "why", runs=1)
