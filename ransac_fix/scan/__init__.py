@@ -132,6 +132,10 @@ def scan_paths(
 
         save(cache, known | new)
     findings = _raised(findings, select)
+    if any(one.callee for one in findings):
+        from ransac_fix.scan.callers import with_callers
+
+        findings = with_callers(findings, files)
     findings.sort(
         key=lambda one: (one.location.path, one.location.start_line, one.location.start_column)
     )

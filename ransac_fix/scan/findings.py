@@ -97,6 +97,9 @@ class Finding:
         The reason given by the comment that sets it aside; None where there is no such comment.
     severity : {"warning", "note"}
         A note says something of the text beside the code, and does not make the scan fail.
+    callee : str
+        The function that takes a ratio which other files may make of its counts, where there is no
+        fix for that.
     """
 
     code: str
@@ -110,6 +113,7 @@ class Finding:
     no_fix: str = ""
     suppression: str | None = None
     severity: Severity = "warning"
+    callee: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from itertools import islice
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
 from ransac_fix.scan.form import Expr, Fn, Name, Num, Op, Over, Span
+from ransac_fix.scan.origins import origin
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
 from ransac_fix.scan.sizes import size_drawn
@@ -217,16 +218,15 @@ def _through_calls(
     site = read.site
     function = site.function
     ratio = site.probability.ratio
-    parameter = None if ratio is None else _parameter(ratio)
+    parameter = _ratio_taken(read)
     if function is None or ratio is None or parameter is None:
-        return _ONLY_RATIO
-    if parameter not in {one.name for one in function.parameters}:
-        return _ONLY_RATIO
+        return _only_ratio(ratio, source)
     signature = source.signature(function.span, parameter)
     if isinstance(signature, str):
         return f"{_ONLY_RATIO}, and {signature}"
     if not signature.calls:
-        return f"{_ONLY_RATIO}, and {function.name} is not called in this file"
+        where = f"{function.name} is not called in this file"
+        return f"{_ONLY_RATIO}, and {where}: let it and its callers pass both counts"
     outliers = not all(isinstance(one, Name) for one in _only(algebra.readings(ratio)))
     changed = _calls(read, signature, source, path, outliers=outliers)
     if isinstance(changed, str):
@@ -249,6 +249,26 @@ def _through_calls(
     if not signature.private:
         doubt = doubt or f"; check that no other file calls {function.name}"
     return f"{message}{doubt}", not doubt, tuple(edits), call
+
+
+def _ratio_taken(read: ReadSite) -> str | None:
+    """Name the parameter that is the ratio of a site, in the function that it stands in."""
+    function, ratio = read.site.function, read.site.probability.ratio
+    parameter = None if ratio is None else _parameter(ratio)
+    if function is None or parameter not in {one.name for one in function.parameters}:
+        return None
+    return parameter
+
+
+def callee_of(read: ReadSite) -> str:
+    """Name the function of a site if callers give it the ratio; "" otherwise."""
+    function = read.site.function
+    return "" if function is None or _ratio_taken(read) is None else function.name
+
+
+def _only_ratio(ratio: Expr | None, source: Source) -> str:
+    why = origin(ratio, source.text)
+    return f"{_ONLY_RATIO}; {why}" if why else _ONLY_RATIO
 
 
 def _parameter(ratio: Expr) -> str | None:
@@ -308,7 +328,8 @@ def _expected_at(
     """Make the counts of an assumed ratio that a call gives, and of what the sampler draws from."""
     found = None if read.draw is None else source.population(read.draw, argument.span)
     if read.adaptive or found is None or not found[1]:
-        return "they are not known either"
+        given = " ".join(source.text.at(argument.value).split())
+        return f"{given} comes without them, too"
     samples, _ = found
     ratio = " ".join(source.text.at(argument.value).split())
     ratio = f"(1 - {_factor(ratio)})" if outliers else _factor(ratio)
@@ -328,10 +349,10 @@ def _with_expected_counts(read: ReadSite, source: Source, power: Span, size: str
     """Make the counts of an assumed ratio and of the number of data that the sampler draws from."""
     ratio = read.roles.get("inlier_ratio")
     if ratio is None or read.draw is None:
-        return f"{_ONLY_RATIO}, and not how many data there are"
+        return f"{_ONLY_RATIO}, and no sampler that says how many data there are"
     found = source.population(read.draw, power)
     if found is None:
-        return f"{_ONLY_RATIO}, and not how many data there are"
+        return f"{_ONLY_RATIO}, and not how many data the sampler draws from"
     population, known = found
     if not known:
         return f"{_ONLY_RATIO}, and the number of data is not known yet"

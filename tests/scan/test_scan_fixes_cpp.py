@@ -389,7 +389,7 @@ NO_FIX = {
   return log(0.01) / log(1 - pow(w, k));
 }
 int run(int n_inliers, int n) { return trials((double)n_inliers / n, 3) + trials(0.5, 3); }""",
-        "they are not known either",
+        "comes without them, too",
     ),
     "a name that is taken": (
         """double all_inlier_probability;

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ransac_fix.scan.findings import Certainty, Finding, Fix, FixStyle, Location, Related
-from ransac_fix.scan.fixes import fix_probability
+from ransac_fix.scan.fixes import callee_of, fix_probability
 from ransac_fix.scan.form import Module, Span
 from ransac_fix.scan.prose import Prose
 from ransac_fix.scan.reading import ReadSite, Text
@@ -164,6 +164,7 @@ class SiteRule(Rule):
                     tuple(self.related(read, file)),
                     None if isinstance(fix, str) else fix,
                     fix if isinstance(fix, str) else "",
+                    callee=callee_of(read) if isinstance(fix, str) else "",
                 )
 
     def certainty(self, read: ReadSite, certainty: Certainty) -> Certainty:
