@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 
 from ransac_fix import all_inlier_probability
 from ransac_fix.cli import cli
+from ransac_fix.scan import scan_text
 from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.fixes import apply_edits
+from ransac_fix.scan.fixing import fix_findings
 from ransac_fix.scan.rules import Settings
 from ransac_fix.scan.scanner import scan_source
 
@@ -634,3 +636,24 @@ def test_says_how_many_more_would_be_fixed_when_asked(tmp_path):
     result = CliRunner().invoke(cli, ["scan", "--fix", str(path)])
     assert result.exit_code == 1
     assert "--unsafe-fixes would fix 1 more." in result.stderr
+
+
+def test_a_misplaced_confidence_is_passed_by_its_name():
+    source = """import cv2
+H, m = cv2.findHomography(a, b, cv2.RANSAC, 3.0,
+                          opts.confidence)  # kept
+A, i = cv2.estimateAffine3D(a, b, 0.9, maxIters=3)
+x = cv2.solvePnPRansac(a, b, K, None, 100, None)
+y = cv2.findHomography(a, b, cv2.RANSAC, 3.0, 0.99, 2000)
+"""
+    found = scan_text(source.encode(), "a.py", select=["RFX102"]).findings
+    assert [None if one.fix is None else one.fix.safe for one in found] == [
+        False,
+        False,
+        None,
+        None,
+    ]
+    (fixed,) = fix_findings(found, unsafe=True, contents={"a.py": source.encode()})[0]
+    assert fixed.after == source.replace("opts.", "confidence=opts.").replace(
+        "0.9,", "confidence=0.9,"
+    )

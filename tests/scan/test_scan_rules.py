@@ -44,7 +44,7 @@ def test_leaves_its_valid_examples_alone(rule, title):
 @pytest.mark.parametrize("rule", RULES, ids=_id)
 def test_has_all_that_a_rule_needs(rule):
     page = inspect.getdoc(type(rule)) or ""
-    for section in ("What it does", "Why is this bad", "Use instead"):
+    for section in ("What it does", "Why is this bad", "Use instead", "Fix safety"):
         assert f"\n{section}\n---" in page
     assert rule.name == rule.name.lower()
     assert " " not in rule.name

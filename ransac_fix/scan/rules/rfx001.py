@@ -35,6 +35,14 @@ class ApproximateStoppingRule(SiteRule):
     or ``ransac_fix.required_trials(n_inliers, n_samples, sample_size, confidence)``, which is the
     exact integer and has no special cases left to guard.
 
+    Fix safety
+    ----------
+    ``--fix`` puts a call of a small function, which it adds to the file, for the power. That is
+    safe where both counts stand there with the values that the ratio was made of; it is unsafe
+    where only names say that they are counts, or where callers in other files pass the ratio,
+    and the finding says what to check. Where only a ratio is known there is no fix, and the
+    finding says where it comes from.
+
     References
     ----------
     J. Schönberger, V. Larsson, M. Pollefeys, "Fixing the RANSAC Stopping Criterion", ICCV 2025,

@@ -28,6 +28,11 @@ class ApproximateTrialBudget(SiteRule):
         trials = ransac_fix.required_trials(n_inliers, n_samples, k, s)
 
     and let the loop stop earlier, by the same rule, when it has found more.
+
+    Fix safety
+    ----------
+    Unsafe: the fix takes ``round(w * n_samples)`` for the number of inliers, where the sampler
+    beside it shows how many data there are. Otherwise there is none.
     """
 
     code = "RFX002"

@@ -16,7 +16,8 @@ class SampleWithReplacement(SiteRule):
     ------------
     Finds the rules of RFX001 and RFX002 in files that draw their minimal sample with replacement:
     ``np.random.randint(n, size=k)``, ``np.random.choice(n, k)`` with its default,
-    ``random.choices``, ``rng.integers``, ``torch.randint``.
+    ``random.choices``, ``rng.integers``, ``torch.randint``; and one index at a time that nothing
+    compares with those drawn before, in C and C++ too (``rand() % n``, a uniform distribution).
 
     Why is this bad
     ---------------
@@ -33,6 +34,11 @@ class SampleWithReplacement(SiteRule):
         sample = rng.choice(n_samples, size=sample_size, replace=False)
 
     and the rule of RFX001.
+
+    Fix safety
+    ----------
+    Unsafe: the fix changes the sampler together with the rule, so other samples are drawn.
+    Where the call that draws has no form for distinct samples, both are left alone.
     """
 
     code = "RFX003"

@@ -26,6 +26,11 @@ class WrongExponent(SiteRule):
     Use instead
     -----------
     One name for the size, in the call that draws and in the rule.
+
+    Fix safety
+    ----------
+    There is no fix: whether the sample or the exponent is wrong is for the author to say. Nor
+    is the power of such a rule replaced under RFX001.
     """
 
     code = "RFX004"

@@ -62,6 +62,11 @@ class EndsAtOnce(Rule):
     argument; or ``log1p(-p)``, which is not zero before p is, with p = 0 and p = 1 apart and the
     limit on trials applied before the conversion to an integer.
 
+    Fix safety
+    ----------
+    There is no fix: what the loop should do at that end, go on to its limit or stop, is for the
+    author to say.
+
     References
     ----------
     scikit-image pull requests 7065 and 7496; Open3D issue 6709.

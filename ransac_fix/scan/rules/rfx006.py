@@ -38,6 +38,10 @@ class UnusedConfidence(Rule):
     -----------
     End the loop at ``ransac_fix.required_trials(n_inliers, n_samples, sample_size, confidence)``
     trials, worked out again whenever a better model is found; or take the parameter away.
+
+    Fix safety
+    ----------
+    There is no fix: it takes a rule that is not there.
     """
 
     code = "RFX006"

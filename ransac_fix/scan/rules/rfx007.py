@@ -50,9 +50,9 @@ class ApproximateFormulaInComment(Rule):
 
     Fix safety
     ----------
-    There is no fix. A sentence around a formula may explain the power, give numbers made with it or
-    quote a source, and only its author can say so; the finding spells the formula to put in its
-    place.
+    There is no fix. A sentence around a formula may explain the power, give numbers made with
+    it or quote a source, and only its author can say so; the finding spells the formula to put
+    in its place.
     """
 
     code = "RFX007"

@@ -85,6 +85,11 @@ class UndersamplingLibrary(Rule):
     -----------
     A release that is exact, where there is one. Otherwise ``import ransac_fix.auto``, or
     ``ransac-fix run``, which make the library exact at run time.
+
+    Fix safety
+    ----------
+    There is no fix in source. The finding names the release to upgrade to, or the patch of
+    ``ransac_fix`` that makes the installed one exact.
     """
 
     code = "RFX101"

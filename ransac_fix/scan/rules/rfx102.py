@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import ClassVar
 
-from ransac_fix.scan.findings import Finding
+from ransac_fix.scan.findings import Edit, Finding, Fix
 from ransac_fix.scan.form import Call, Expr, Import, Name, Num, Span
 from ransac_fix.scan.rules.base import Rule, ScannedFile
 from ransac_fix.scan.walk import expressions
@@ -15,6 +15,7 @@ _ARRAYS = {
     "estimateAffine3D": {2: "out", 3: "inliers"},
     "solvePnPRansac": {4: "rvec", 5: "tvec"},
 }
+_CONFIDENCE = re.compile(r"(?:^|_|\.)(?:conf|prob)", re.IGNORECASE)
 _NUMBERS = re.compile(r"(?:^|_)(?:conf|prob|thresh)", re.IGNORECASE)
 
 
@@ -35,6 +36,12 @@ class MisplacedConfidence(Rule):
     .. code-block:: python
 
         cv2.findHomography(a, b, cv2.RANSAC, 3.0, confidence=0.99)
+
+    Fix safety
+    ----------
+    Unsafe: ``confidence=`` is put before a number between 0 and 1, or a name that says so,
+    where it is the last one without a name. OpenCV uses it then, and may return other models
+    than before. What any other number was meant for is for its author to say.
     """
 
     code = "RFX102"
@@ -105,6 +112,7 @@ def pose(points, pixels, K):
             name = _of_opencv(expr, imported)
             for place, parameter in _ARRAYS.get(name, {}).items():
                 if len(expr.args) > place and _is_number(expr.args[place]):
+                    fix = _named(expr, place, file)
                     yield Finding(
                         self.code,
                         file.location(expr.span),
@@ -112,8 +120,29 @@ def pose(points, pixels, K):
                         f"OpenCV ignores the number in the place of `{parameter}`: pass the"
                         " confidence by its name",
                         expression=" ".join(file.text.at(expr.span).split()),
+                        fix=None if isinstance(fix, str) else fix,
+                        no_fix=fix if isinstance(fix, str) else "",
                     )
                     break
+
+
+def _named(call: Call, place: int, file: ScannedFile) -> Fix | str:
+    """Pass a confidence by its name, where it is one."""
+    value = call.args[place]
+    if isinstance(value, Num):
+        meant = 0 < value.value < 1
+    else:
+        meant = isinstance(value, Name) and _CONFIDENCE.search(value.name) is not None
+    given = {name for name, _ in call.keywords}
+    last = place == len(call.args) - 1 and "confidence" not in given
+    if not meant or not last or value.span is None:
+        return "what the number is meant for is for its author to say"
+    source = file.source()
+    if isinstance(source, str):
+        return source
+    spelled = file.text.at(value.span)
+    edit = Edit(file.location(value.span), f"confidence={spelled}")
+    return Fix("pass the confidence by its name", safe=False, edits=(edit,))
 
 
 def _of_opencv(call: Call, imported: dict[str, str]) -> str:

@@ -27,6 +27,10 @@ class UnusedSuppression(Rule):
 
     ``# noqa: RFX001`` is read by ruff too, which warns of codes it does not know unless its
     settings have ``lint.external = ["RFX"]``.
+
+    Fix safety
+    ----------
+    There is no fix: the reason that the comment gives may be worth keeping somewhere else.
     """
 
     code = "RFX901"
