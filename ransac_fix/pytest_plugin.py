@@ -136,13 +136,13 @@ def _complaints(report: "Report", asked: _Asked) -> Iterator[str]:
         if not control.passed:
             yield f"ransac-fix: control {control.name} was not identified: no verdict is given"
             return
-    surprises = compare(report, asked.expectations, asked.fail_on)
+    surprises = compare(report.verdicts, asked.expectations, asked.fail_on)
     for unexpected in surprises.unexpected:
         yield f"{_name(unexpected.verdict)}: {unexpected.what}"
         if unexpected.verdict.advice:
             yield f"  {unexpected.verdict.advice}"
     for one in surprises.unmet:
-        yield f"expected but not seen: {one.system} {one.entry_point}: {one.verdict}"
+        yield f"expected but not seen: {one.name}: {one.verdict}"
     # What was named is to be measured, at least in part.
     accepted = {one.system for one in asked.expectations if one.verdict == "not measured"}
     for system in asked.systems:

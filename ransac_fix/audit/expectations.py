@@ -1,14 +1,19 @@
 """What a project expects of its libraries: a file of verdicts it knows of and accepts."""
 
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ransac_fix.audit.model import JUDGEMENTS, Judgement, Report, Verdict
+from packaging.specifiers import InvalidSpecifier, SpecifierSet
+from packaging.version import InvalidVersion
+
+from ransac_fix.audit.model import JUDGEMENTS, Judgement, Verdict
 from ransac_fix.errors import RansacFixError
 
 _KEYS = {"system", "entry_point", "verdict", "reason"}
+_OPTIONAL = {"releases"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +30,31 @@ class Expectation:
         The verdict expected.
     reason : str
         Why it is accepted.
+    releases : str
+        The releases it speaks of, as a version specifier such as ``">=0.8,<0.9"``; empty for all.
     """
 
     system: str
     entry_point: str
     verdict: Judgement
     reason: str
+    releases: str = ""
+
+    @property
+    def name(self) -> str:
+        """What it speaks of, in words."""
+        return f"{self.system}{self.releases} {self.entry_point}"
 
     def covers(self, verdict: Verdict) -> bool:
-        """Whether it speaks of this entry point."""
-        return self.system == verdict.system and self.entry_point in ("*", verdict.entry_point)
+        """Whether it speaks of this entry point in this release."""
+        if self.system != verdict.system or self.entry_point not in ("*", verdict.entry_point):
+            return False
+        if not self.releases:
+            return True
+        try:
+            return SpecifierSet(self.releases).contains(verdict.version or "", prereleases=True)
+        except InvalidVersion:
+            return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +103,8 @@ def load_expectations(path: Path) -> tuple[Expectation, ...]:
     Parameters
     ----------
     path : Path
-        TOML with ``[[expect]]`` tables of ``system``, ``entry_point``, ``verdict`` and ``reason``.
+        TOML with ``[[expect]]`` tables of ``system``, ``entry_point``, ``verdict``, ``reason`` and,
+        optionally, ``releases``.
 
     Returns
     -------
@@ -110,30 +131,37 @@ def _expectation(path: Path, number: int, table: Any) -> Expectation:
     where = f"{path}: [[expect]] number {number}"
     if not isinstance(table, dict) or not all(isinstance(v, str) for v in table.values()):
         raise RansacFixError(f"{where} must be a table of strings")
-    missing, unknown = _KEYS - set(table), set(table) - _KEYS
+    missing, unknown = _KEYS - set(table), set(table) - _KEYS - _OPTIONAL
     if missing or unknown:
         wrong = [*(f"lacks {key}" for key in sorted(missing)), *(f"has {k}" for k in unknown)]
-        raise RansacFixError(f"{where} {', '.join(wrong)}; its keys are {', '.join(sorted(_KEYS))}")
+        keys = ", ".join(sorted(_KEYS | _OPTIONAL))
+        raise RansacFixError(f"{where} {', '.join(wrong)}; its keys are {keys}")
     if table["verdict"] not in JUDGEMENTS:
         raise RansacFixError(f"{where}: verdict must be one of {', '.join(JUDGEMENTS)}")
+    try:
+        SpecifierSet(table.get("releases", ""))
+    except InvalidSpecifier:
+        raise RansacFixError(
+            f"{where}: releases must be a version specifier, as in '>=0.8,<0.9'"
+        ) from None
     return Expectation(**table)
 
 
 def compare(
-    report: Report,
+    verdicts: Iterable[Verdict],
     expectations: tuple[Expectation, ...],
     fail_on: frozenset[Judgement] = frozenset({"undersamples"}),
 ) -> Surprises:
     """Compare an audit with what was expected.
 
-    An expectation for one entry point goes before one for all of its system, and holds to the
-    letter. One for all of a system is met when one of its entry points has the verdict; the others
-    may be better.
+    An expectation for one entry point goes before one for all of its system, and one for some
+    releases before one for all. One for an entry point holds to the letter; one for all of a system
+    is met when one of its entry points has the verdict, and the others may be better.
 
     Parameters
     ----------
-    report : Report
-        The audit.
+    verdicts : iterable of Verdict
+        What was measured, of one or more releases of each system.
     expectations : tuple of Expectation
         What was expected.
     fail_on : frozenset of str, optional
@@ -145,8 +173,11 @@ def compare(
     """
     unexpected = []
     met: set[int] = set()
-    ordered = sorted(range(len(expectations)), key=lambda i: expectations[i].entry_point == "*")
-    for verdict in report.verdicts:
+    ordered = sorted(
+        range(len(expectations)),
+        key=lambda i: (expectations[i].entry_point == "*", not expectations[i].releases),
+    )
+    for verdict in verdicts:
         index = next((i for i in ordered if expectations[i].covers(verdict)), None)
         if index is None:
             if verdict.verdict in fail_on:

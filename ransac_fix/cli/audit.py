@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from ransac_fix.audit.expectations import Surprises
+    from ransac_fix.audit.expectations import Expectation, Surprises
     from ransac_fix.audit.model import Control, Report, Verdict
     from ransac_fix.audit.releases.matrix import MatrixOptions
     from ransac_fix.audit.releases.model import ReleaseReport
@@ -174,9 +174,11 @@ def command(
     if matrix or bisect:
         if matrix and bisect:
             raise click.UsageError("--matrix and --bisect are two different runs")
-        if systems or patched or expect or every_point:
-            what = "SYSTEM, --patched, --expect and --points are for the installed libraries"
+        if systems or patched or every_point:
+            what = "SYSTEM, --patched and --points are for the installed libraries"
             raise click.UsageError(f"{what}: leave them out with --matrix and --bisect")
+        if bisect and expect:
+            raise click.UsageError("--bisect passes over releases: use --expect with --matrix")
         from ransac_fix.audit.releases.matrix import MatrixOptions
         from ransac_fix.folders import cache_folder
 
@@ -187,13 +189,13 @@ def command(
             keep_environments=keep_environments,
             pre=pre,
         )
-        ctx.exit(_audit_releases(matrix, bisect, how, outputs))
+        ctx.exit(_audit_releases(matrix, bisect, how, outputs, expectations))
     if constraint or cache_dir or pre or keep_environments:
         what = "--constraint, --cache-dir, --pre and --keep-environments"
         raise click.UsageError(f"{what} belong to --matrix and --bisect")
     with _Progress() as progress:
         report = audit(options, progress.done)
-    surprises = None if expectations is None else compare(report, expectations)
+    surprises = None if expectations is None else compare(report.verdicts, expectations)
     write(_verdict_writers(report, every_point, surprises), outputs)
     code = exit_code(report)
     if surprises is not None and code != _EXIT_UNMEASURED:
@@ -211,19 +213,25 @@ def _audit_releases(
     bisect: tuple[str, ...],
     how: "MatrixOptions",
     outputs: list[tuple[str, str]],
+    expectations: "tuple[Expectation, ...] | None",
 ) -> int:
     """Measure releases, print what was found and return the exit code."""
+    from ransac_fix.audit.expectations import compare
     from ransac_fix.audit.releases.matrix import find_changes, measure_releases, read_request
 
     requests = [read_request(text) for text in matrix or bisect]
     with _Progress() as progress:
         measure = measure_releases if matrix else find_changes
         report = measure(requests, how, progress.done)
-    write(_release_writers(report), outputs)
+    verdicts = [verdict for release in report.releases for verdict in release.verdicts]
+    surprises = None if expectations is None else compare(verdicts, expectations)
+    write(_release_writers(report, surprises), outputs)
     if how.keep_environments:
         click.echo(f"environments: {how.cache / 'environments'}", err=True)
-    verdicts = [verdict for release in report.releases for verdict in release.verdicts]
-    return _code(verdicts, report.controls)
+    code = _code(verdicts, report.controls)
+    if surprises is not None and code != _EXIT_UNMEASURED:
+        code = _complain(surprises, versions=True)
+    return code
 
 
 def write(writers: "dict[str, Callable[[TextIO], None]]", outputs: list[tuple[str, str]]) -> None:
@@ -263,7 +271,9 @@ def _verdict_writers(
     }
 
 
-def _release_writers(report: "ReleaseReport") -> "dict[str, Callable[[TextIO], None]]":
+def _release_writers(
+    report: "ReleaseReport", surprises: "Surprises | None"
+) -> "dict[str, Callable[[TextIO], None]]":
     from ransac_fix.report.releases_json import releases_json
     from ransac_fix.report.releases_junit import releases_junit
     from ransac_fix.report.releases_markdown import releases_markdown
@@ -272,8 +282,8 @@ def _release_writers(report: "ReleaseReport") -> "dict[str, Callable[[TextIO], N
     return {
         "text": lambda to: print_releases(report, _console(to)),
         "json": lambda to: click.echo(releases_json(report), to),
-        "markdown": lambda to: click.echo(releases_markdown(report), to),
-        "junit": lambda to: click.echo(releases_junit(report), to),
+        "markdown": lambda to: click.echo(releases_markdown(report, surprises), to),
+        "junit": lambda to: click.echo(releases_junit(report, surprises), to),
     }
 
 
@@ -308,13 +318,14 @@ def _code(verdicts: "Sequence[Verdict]", controls: "Sequence[Control]") -> int:
     return 0
 
 
-def _complain(surprises: "Surprises") -> int:
+def _complain(surprises: "Surprises", *, versions: bool = False) -> int:
     """Name on stderr what differs from the expectations; return the exit code."""
     for one in surprises.unexpected:
-        name = f"{one.verdict.system} {one.verdict.entry_point}"
+        release = f" {one.verdict.version}" if versions else ""
+        name = f"{one.verdict.system}{release} {one.verdict.entry_point}"
         click.echo(f"unexpected: {name}: {one.what}", err=True)
     for unmet in surprises.unmet:
-        line = f"expected but not seen: {unmet.system} {unmet.entry_point}: {unmet.verdict}"
+        line = f"expected but not seen: {unmet.name}: {unmet.verdict}"
         click.echo(line, err=True)
     return _EXIT_UNDERSAMPLES if surprises.unexpected or surprises.unmet else 0
 

@@ -2,15 +2,21 @@
 
 from itertools import groupby
 
+from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.releases.model import Release, ReleaseReport
 from ransac_fix.report.markdown import escaped
 from ransac_fix.report.releases_text import change_line, summary_line
-from ransac_fix.report.verdicts_markdown import MARKS
+from ransac_fix.report.verdicts_markdown import MARKS, difference_lines
 
 
-def releases_markdown(report: ReleaseReport) -> str:
-    """Return the audit as one table a distribution, the changes below it."""
+def releases_markdown(report: ReleaseReport, surprises: Surprises | None = None) -> str:
+    """Return the audit as one table a distribution, the changes below it.
+
+    Where verdicts are expected, what differs from them comes first.
+    """
     lines = ["# Stopping rules of releases"]
+    if surprises is not None:
+        lines += ["", *difference_lines(surprises, versions=True)]
     for distribution, of_one in groupby(report.releases, key=lambda one: one.distribution):
         releases = list(of_one)
         lines += ["", f"## {escaped(distribution)}, Python {releases[0].python}", ""]

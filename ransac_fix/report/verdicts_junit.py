@@ -1,5 +1,6 @@
 """An audit as JUnit XML: one test case an entry point."""
 
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ransac_fix.audit.expectations import Surprises
@@ -21,19 +22,29 @@ def verdicts_junit(report: Report, surprises: Surprises | None = None) -> str:
         for verdict in report.verdicts:
             verdict_case(suite, verdict)
     else:
-        unexpected = {id(one.verdict): one for one in surprises.unexpected}
-        for verdict in report.verdicts:
-            one = unexpected.get(id(verdict))
-            verdict_case(suite, verdict, failure=None if one is None else one.what)
-        for unmet in surprises.unmet:
-            case = SubElement(suite, "testcase", classname=unmet.system, name=unmet.entry_point)
-            message = f"expected but not seen: {unmet.verdict}"
-            SubElement(case, "failure", message=message).text = unmet.reason
+        compared_cases(suite, report.verdicts, surprises)
+        unmet_cases(suite, surprises)
     for control in report.controls:
         control_case(suite, control)
     count_cases(suite)
     indent(suite)
     return tostring(suite, encoding="unicode", xml_declaration=True)
+
+
+def compared_cases(suite: Element, verdicts: Iterable[Verdict], surprises: Surprises) -> None:
+    """Add entry points to a test suite; what fails is what was not expected."""
+    unexpected = {id(one.verdict): one.what for one in surprises.unexpected}
+    for verdict in verdicts:
+        verdict_case(suite, verdict, failure=unexpected.get(id(verdict)))
+
+
+def unmet_cases(suite: Element, surprises: Surprises) -> None:
+    """Add what was expected and not seen to a test suite, as failures."""
+    for unmet in surprises.unmet:
+        name = f"{unmet.entry_point}{f' in {unmet.releases}' if unmet.releases else ''}"
+        case = SubElement(suite, "testcase", classname=unmet.system, name=name)
+        message = f"expected but not seen: {unmet.verdict}"
+        SubElement(case, "failure", message=message).text = unmet.reason
 
 
 _JUDGED = "judged"

@@ -21,7 +21,7 @@ def verdicts_markdown(report: Report, surprises: Surprises | None = None) -> str
     """
     lines = ["# Stopping rules of the installed RANSAC implementations", ""]
     if surprises is not None:
-        lines += [*_differences(surprises), ""]
+        lines += [*difference_lines(surprises), ""]
     lines += [
         "| system | entry point | verdict | rule |",
         "| --- | --- | --- | --- |",
@@ -43,15 +43,24 @@ def verdicts_markdown(report: Report, surprises: Surprises | None = None) -> str
     return "\n".join([*lines, "", summary])
 
 
-def _differences(surprises: Surprises) -> list[str]:
+def difference_lines(surprises: Surprises, *, versions: bool = False) -> list[str]:
+    """Return what differs from expectations as a Markdown list.
+
+    Parameters
+    ----------
+    surprises : Surprises
+        The differences.
+    versions : bool, default False
+        Name the release of each verdict, where there are several.
+    """
     differences = [
-        (f"{one.verdict.system} {one.verdict.entry_point}", one.what)
+        (
+            f"{one.verdict.system}{f' {one.verdict.version}' * versions} {one.verdict.entry_point}",
+            one.what,
+        )
         for one in surprises.unexpected
     ]
-    differences += [
-        (f"{one.system} {one.entry_point}", f"expected but not seen: {one.verdict}")
-        for one in surprises.unmet
-    ]
+    differences += [(one.name, f"expected but not seen: {one.verdict}") for one in surprises.unmet]
     if not differences:
         return ["✅ Everything is as expected."]
     lines = [f"- ❌ **{escaped(name)}**: {escaped(what)}" for name, what in differences]

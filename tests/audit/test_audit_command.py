@@ -336,6 +336,7 @@ def test_an_output_that_cannot_be_is_one_error(monkeypatch, output):
         ("[expect]\nsystem = 1\n", "must hold [[expect]] tables"),
         ("= nothing", "not TOML"),
         (EXPECT.format(entry_point="x", verdict="exact") + "until = 'later'\n", "has until"),
+        (EXPECT.format(entry_point="x", verdict="exact") + "releases = '0.9'\n", "as in '>=0.8"),
     ],
 )
 def test_a_wrong_expectations_file_is_one_line(tmp_path, text, complaint):

@@ -293,6 +293,54 @@ def test_junit():
     assert found["kornia 0.10"].get("failures") == "0"
 
 
+EXPECTED = """
+[[expect]]
+system = "kornia"
+entry_point = "fit"
+verdict = "undersamples"
+reason = "we cannot upgrade everywhere"
+releases = "{releases}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("releases", "code", "said"),
+    [
+        ("<0.10", 0, ""),
+        ("", 1, "unexpected: kornia 0.10 fit: exact, not undersamples as expected"),
+        (">=0.11", 1, "unexpected: kornia 0.9 fit: undersamples: why it is so"),
+        (">=0.11", 1, "expected but not seen: kornia>=0.11 fit: undersamples"),
+    ],
+)
+def test_one_expectations_file_serves_every_release(monkeypatch, tmp_path, releases, code, said):
+    report = report_on(
+        [
+            release(number, replace(verdict(judgement), version=number))
+            for number, judgement in (("0.9", "undersamples"), ("0.10", "exact"))
+        ],
+        (CONTROL,),
+        1.0,
+    )
+    monkeypatch.setattr(matrix, "measure_releases", lambda requests, options, progress: report)
+    file, markdown, junit = (tmp_path / name for name in ("audit.toml", "a.md", "a.xml"))
+    file.write_text(EXPECTED.format(releases=releases))
+    arguments = ["--matrix", "kornia", "--cache-dir", str(tmp_path), "--expect", str(file)]
+    arguments += ["--output", f"markdown:{markdown}", "--output", f"junit:{junit}"]
+    done = CliRunner().invoke(audit_command.command, arguments)
+    assert done.exit_code == code, done.output
+    assert said in done.stderr
+    failures = ElementTree.fromstring(junit.read_text()).findall(".//failure")
+    told = done.stderr.splitlines()
+    assert len(failures) == len(told)
+    for line, failure in zip(told, failures, strict=True):
+        name, _, what = line.removeprefix("unexpected: ").rpartition(" fit: ")
+        assert failure.get("message").endswith(what)
+        assert f"- ❌ **{name.removeprefix('expected but not seen: ')} fit" in (
+            markdown.read_text().replace("\\", "")
+        )
+    assert ("Everything is as expected" in markdown.read_text()) == (code == 0)
+
+
 @pytest.mark.parametrize("option", ["--matrix", "--bisect"])
 @pytest.mark.parametrize(
     ("report", "code"),

@@ -1,5 +1,7 @@
 """Releases that are not installed: real environments of a small library."""
 
+import signal
+import subprocess
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,6 +13,7 @@ from ransac_fix.audit import session
 from ransac_fix.audit.controls import OUTCOME_CONTROLS
 from ransac_fix.audit.model import Control, OutcomeEvidence, Verdict
 from ransac_fix.audit.releases import matrix, packages
+from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
 from ransac_fix.audit.releases.matrix import (
     Asked,
     MatrixOptions,
@@ -156,6 +159,59 @@ def test_verdicts_by_outcomes_are_proved_by_a_control_seen_so(small, monkeypatch
     assert asked == [(), OUTCOME_CONTROLS] * 2
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
+kept, cache = sys.argv[1] == "kept", Path(sys.argv[2])
+with kept_folder(cache) if kept else scratch_folder(cache, "environments-") as folder:
+    for path in ("shared/a.part/b", "half-1.0/incomplete", "whole-1.0/environment"):
+        (folder / path).mkdir(parents=True)
+    os.kill(os.getpid(), getattr(signal, sys.argv[3]))
+"""
+
+
+def run_and_kill(kind, folder, how):
+    done = subprocess.run([sys.executable, "-c", KILLED, kind, str(folder), how])
+    assert done.returncode == -getattr(signal, how)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such locks")
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL"])
+def test_what_a_killed_run_left_is_cleared_by_the_next(tmp_path, how):
+    run_and_kill("scratch", tmp_path, how)
+    (left,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    with scratch_folder(tmp_path, "environments-") as folder:
+        assert not left.exists()
+        # Nobody clears away what a living run uses.
+        with scratch_folder(tmp_path, "environments-"):
+            assert folder.exists()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such locks")
+def test_environments_that_are_kept_are_whole(tmp_path):
+    run_and_kill("kept", tmp_path, "SIGTERM")
+    assert (tmp_path / "half-1.0").exists()
+    with kept_folder(tmp_path) as folder:
+        assert sorted(path.name for path in folder.iterdir()) == [".lock", "shared", "whole-1.0"]
+        assert list((folder / "shared").iterdir()) == []
+        (folder / "new-1.0" / "incomplete").mkdir(parents=True)
+        with kept_folder(tmp_path):
+            assert (folder / "new-1.0").exists()
+
+
+def test_an_environment_that_failed_is_not_kept(small, monkeypatch, tmp_path):
+    def fail(*_):
+        raise packages.Unavailable("no more room")
+
+    monkeypatch.setattr(packages.Packages, "environment", fail)
+    asked = replace(ASKED, versions=("2.0",))
+    report = measure_releases([asked], options(tmp_path, keep_environments=True))
+    assert report.releases[0].unmeasured == "no more room"
+    assert not (tmp_path / "environments" / "smallransac-2.0").exists()
+
+
 def test_environments_can_be_kept(measured, small, monkeypatch, tmp_path):
     monkeypatch.setattr(
         matrix, "audit_system", lambda *_: [Verdict("small", "fit_line", "2.0", "exact", "why")]
@@ -163,6 +219,7 @@ def test_environments_can_be_kept(measured, small, monkeypatch, tmp_path):
     asked = replace(ASKED, versions=("2.0",))
     measure_releases([asked], options(tmp_path, keep_environments=True))
     kept = tmp_path / "environments" / "smallransac-2.0"
+    assert sorted(path.name for path in kept.iterdir()) == ["environment", "release"]
     assert (kept / "release" / "smallransac.py").exists()
     assert list((tmp_path / "environments" / "shared").iterdir())
 

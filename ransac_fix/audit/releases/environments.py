@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from ransac_fix.audit.releases.folders import INCOMPLETE
 from ransac_fix.audit.releases.packages import Packages, Wheel
 
 
@@ -47,13 +48,18 @@ class Environments:
         release = wheels[0]
         folder = self._folder / f"{release.name}-{release.version}"
         shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        unfinished = folder / INCOMPLETE
+        unfinished.touch()
         try:
             self._packages.unpack(release, folder / "release")
             shared = [self._shared(wheel) for wheel in wheels[1:]]
             paths = [folder / "release", *shared]
-            yield self._packages.environment(folder / "environment", paths)
+            python = self._packages.environment(folder / "environment", paths)
+            unfinished.unlink()
+            yield python
         finally:
-            if not self._keep:
+            if not self._keep or unfinished.exists():
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _shared(self, wheel: Wheel) -> Path:

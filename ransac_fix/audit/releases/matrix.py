@@ -3,7 +3,6 @@
 import hashlib
 import os
 import re
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +20,7 @@ from packaging.version import InvalidVersion, Version
 from ransac_fix.audit.model import Control
 from ransac_fix.audit.releases.bisect import bisect
 from ransac_fix.audit.releases.environments import Environments
+from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
 from ransac_fix.audit.releases.model import Release, ReleaseReport, report_on
 from ransac_fix.audit.releases.packages import Packages, Unavailable, Wheel
 from ransac_fix.audit.releases.results import Results, key_of, probe_version
@@ -239,11 +239,11 @@ class _Bench:
         with ExitStack() as stack:
             options.cache.mkdir(parents=True, exist_ok=True)
             self._packages = Packages(options.options.python, options.constraint)
-            if options.keep_environments:
-                folder = options.cache / "environments"
-            else:
-                scratch = tempfile.TemporaryDirectory(prefix="environments-", dir=options.cache)
-                folder = Path(stack.enter_context(scratch))
+            folder = stack.enter_context(
+                kept_folder(options.cache / "environments")
+                if options.keep_environments
+                else scratch_folder(options.cache, "environments-")
+            )
             self._environments = Environments(
                 self._packages, folder, keep=options.keep_environments
             )
