@@ -415,11 +415,23 @@ def _log_term(term: Expr, power: Power, depth: int) -> list[Power] | None:
             over = Over("prod", product, loop, count)
             return next(iter(_factorings(over, power, depth + 1)), None)
         case Op(op="mul", args=(left, right)):
-            for first, second in ((left, right), (right, left)):
-                log = plain(first)
-                if isinstance(log, Fn) and log.name == "log":
-                    return next(iter(_raised(term, log.args[0], second, 1.0, power, depth)), None)
+            return _times_logs(term, left, right, power, depth) or _times_logs(
+                term, right, left, power, depth
+            )
     return None
+
+
+def _times_logs(
+    whole: Expr, logs: Expr, times: Expr, power: Power, depth: int
+) -> list[Power] | None:
+    """Read k*log(w) and k*(log(I) - log(n))."""
+    raised: list[Power] = []
+    for sign, part in terms(logs):
+        log = plain(part)
+        if not (isinstance(log, Fn) and log.name == "log"):
+            return None
+        raised += next(iter(_raised(whole, log.args[0], times, float(sign), power, depth)), [])
+    return raised
 
 
 def _products(whole: Over, power: Power, depth: int) -> Iterator[list[Power]]:

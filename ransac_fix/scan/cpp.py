@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import tree_sitter
 import tree_sitter_cpp
 
-from ransac_fix.scan import form
+from ransac_fix.scan import form, functions
 from ransac_fix.scan.form import Expr, Span, Stmt
 from ransac_fix.scan.suppressions import Comment
 
@@ -635,8 +635,14 @@ class _Reader:
             limit = _limit(scope, name, span)
             if limit is not None:
                 return limit
+            if len(args) == 1 and functions.is_power(name):
+                exponent = _template_argument(function)  # boost::math::pow<3>(w)
+                if exponent is not None:
+                    return form.Call(None, "pow", (*args, self.expr(exponent)), (), span)
             if name in self._distributions and not scope:
                 name = "randInt"  # dist(engine) draws one
+            if functions.UNARY.get(name) == "same":
+                scope = ""  # cv::saturate_cast<float>(x)
             return form.Call(form.Name(scope) if scope else None, name, args, (), span)
         if function.type == "field_expression":
             argument = function.child_by_field_name("argument")
@@ -675,6 +681,19 @@ def _limit(scope: str, name: str, span: Span) -> Expr | None:
     if name in ("epsilon", "min", "denorm_min"):
         return form.Num(1e-16, span)
     return form.Name("inf", span)
+
+
+def _template_argument(function: Node) -> Node | None:
+    """Give N of ``f<N>``, where that is all there is."""
+    while function.type == "qualified_identifier":
+        named = function.child_by_field_name("name")
+        if named is None:
+            return None
+        function = named
+    listed = function.child_by_field_name("arguments")
+    if function.type != "template_function" or listed is None or len(listed.named_children) != 1:
+        return None
+    return listed.named_children[0]
 
 
 def _number(text: str) -> float:

@@ -627,6 +627,8 @@ class _Evaluator:
             facts = LOG
         elif name in ("exp", "comb", "factorial", "gamma", "hypergeom"):
             facts = POW
+            if name == "exp" and self._has(args[0], LOG) and self._has(args[0], POW):
+                facts |= NESTED  # exp(N * log(1 - w**k))
         return self._new(Fn(name, args, span), args, facts)
 
     def _evaluate_call(self, call: Call, env: Env) -> Expr:
@@ -684,6 +686,9 @@ class _Evaluator:
     ) -> Expr:
         """Write a call to a known function one way, whatever library it is from."""
         module = base is None or self._is_module(base)
+        kind = functions.UNARY.get(name) or functions.BINARY.get(name)
+        if kind in functions.MATHEMATICS and len(args) == 1 + (name in functions.BINARY):
+            module = True  # whatever it is of, a method would have one argument less
         named = dict(keywords)
         # The operand comes first: the receiver of a method, or the first argument.
         operands = args if module or base is None else (base, *args)
@@ -714,6 +719,8 @@ class _Evaluator:
             return self._new(Index(name, "arange", count, span), ())
         if name in functions.PRODUCTS and operands:
             return self._product(operands[0], span)
+        if name == "reduce" and len(operands) >= 2 and _multiplies(operands[0]):
+            return self._product(operands[1], span)
         if name in functions.SUMS and operands and isinstance(_unwrap(operands[0]), Over):
             over = _unwrap(operands[0])
             assert isinstance(over, Over)
@@ -725,6 +732,9 @@ class _Evaluator:
             return self._op("div", logs, span)
         if name in functions.UNARY and operands:
             return self._unary(functions.UNARY[name], name, operands, module=module, span=span)
+        own = functions.own_logarithm(name)
+        if own is not None and len(operands) == 1:
+            return self._unary(own, name, operands, module=module, span=span)
         if name in functions.BINARY and len(operands) >= 2:
             return self._binary(functions.BINARY[name], operands[:2], span)
         if len(operands) == 2 and functions.is_power(name):
@@ -970,6 +980,19 @@ def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
 def _is_power(expr: Expr) -> bool:
     expr = _unwrap(expr)
     return isinstance(expr, Op) and expr.op == "pow"
+
+
+def _multiplies(function: Expr) -> bool:
+    """Whether a function of two arguments gives their product: ``operator.mul`` or a lambda."""
+    function = _unwrap(function)
+    match function:
+        case Name(name=name):
+            return name.rpartition(".")[2] in ("mul", "multiply")
+        case Lambda(function=Function(parameters=(one, other), body=(Leave(value=value),))):
+            match value:
+                case Op(op="mul", args=(Name(name=left), Name(name=right))):
+                    return {left, right} == {one.name, other.name}
+    return False
 
 
 def _is_hypergeom(base: Expr | None) -> bool:

@@ -14,7 +14,8 @@ UNARY: dict[str, str] = {
     **dict.fromkeys(("log10", "log10f", "Log10"), "log"),
     **dict.fromkeys(("log2", "log2f"), "log"),
     **dict.fromkeys(("log1p", "log1pf"), "log1p"),
-    **dict.fromkeys(("exp", "expf", "Exp"), "exp"),
+    # With the bases of logarithms left out, exp2(k*log2(w)) is exp(k*log(w)).
+    **dict.fromkeys(("exp", "expf", "Exp", "exp2", "exp2f", "exp10", "exp10f"), "exp"),
     "expm1": "expm1",
     **dict.fromkeys(("square", "sqr"), "square"),
     "sqrt": "sqrt",
@@ -76,12 +77,15 @@ UNARY: dict[str, str] = {
             "min",
             "mean",
             "nan_to_num",
+            "narrow_cast",
+            "numeric_cast",
             "numpy",
             "ravel",
             "real",
             "rint",
             "round",
             "round_",
+            "saturate_cast",
             "size_t",
             "squeeze",
             "static_cast",
@@ -114,7 +118,9 @@ BINARY: dict[str, str] = {
     **dict.fromkeys(
         ("pow", "power", "powf", "powi", "powl", "float_power", "Pow", "ipow", "npow"), "pow"
     ),
-    **dict.fromkeys(("divide", "true_divide", "div", "fdiv", "truediv"), "div"),
+    **dict.fromkeys(
+        ("divide", "true_divide", "div", "fdiv", "truediv", "fdividef", "__fdividef"), "div"
+    ),
     **dict.fromkeys(("floor_divide", "floordiv"), "floordiv"),
     **dict.fromkeys(("multiply", "mul"), "mul"),
     **dict.fromkeys(("subtract", "sub"), "sub"),
@@ -126,23 +132,38 @@ BINARY: dict[str, str] = {
     **dict.fromkeys(("perm", "nPr", "npr", "falling_factorial", "poch"), "comb"),
 }
 
-# Power functions that libraries write for themselves: fastpow, int_pow, powInt, pow_n, mypow.
+# Functions that libraries write for themselves: fastpow, int_pow, powInt, pow_n, vcl_log, safe_log.
+_OWN = "_*(?:fast|quick|my|int|integer|safe|const|static|gpu|cuda|native|half|std|vcl)"
+# No more spellings than ``triage`` looks for.
+_OWN_LOG = re.compile(rf"(?:{_OWN}_|_+)?(?:[lL]og(?:2|10|1p|[fl])?|ln)")
 _OWN_POWER = re.compile(
-    r"(?:fast|quick|my|int|integer|safe|const|static|gpu|cuda)?_?pow(?:er)?"
+    rf"(?:{_OWN})?_*pow(?:er)?"
     r"(?:_?(?:fast|int|integer|i|u|n|f|d|k|int32|uint|scalar))?_?",
     re.IGNORECASE,
 )
-_OWN_FIXED = {"cube": 3.0, "cubed": 3.0, "pow3": 3.0, "pow4": 4.0, "pow5": 5.0, "squared": 2.0}
+_OWN_FIXED = {
+    **dict.fromkeys(("sq", "sqr", "square", "squared"), 2.0),
+    **dict.fromkeys(("cube", "cubed", "pow3"), 3.0),
+    "pow4": 4.0,
+    "pow5": 5.0,
+}
 
 
 def is_power(name: str) -> bool:
     """Whether a function of two arguments is a power by its name."""
-    return _OWN_POWER.fullmatch(name) is not None
+    return BINARY.get(name) == "pow" or _OWN_POWER.fullmatch(name) is not None
+
+
+def own_logarithm(name: str) -> str | None:
+    """Say which logarithm a function is by its name: ``log``, ``log1p`` or none."""
+    if _OWN_LOG.fullmatch(name) is None:
+        return None
+    return "log1p" if "1p" in name else "log"
 
 
 def fixed_power(name: str) -> float | None:
     """Give the power that a function of one argument takes by its name."""
-    return _OWN_FIXED.get(name)
+    return _OWN_FIXED.get(name.lower())
 
 
 # Bounds on a value: clip(x, low, high), x.clamp(min=low), max(x, low).
@@ -170,6 +191,9 @@ CLAMPS = frozenset(
         "Min",
     ]
 )
+
+# What no value has as a method with that many arguments: m.log(x), m.pow(x, k).
+MATHEMATICS = frozenset(("log", "log1p", "exp", "expm1", "pow", "comb", "lgamma", "factorial"))
 
 PRODUCTS = frozenset(("prod", "product", "cumprod"))
 SUMS = frozenset(("sum", "fsum", "nansum"))

@@ -38,7 +38,8 @@ from ransac_fix.scan.suppressions import (
 )
 
 _MAX_BYTES = 20_000_000
-_SQUARE = re.compile(rb"\b([A-Za-z_]\w*) *\* *\1\b")  # one of two powers may be written out
+# One of two powers may be written out (w * w), or made by a loop (f = f * x).
+_SQUARE = re.compile(rb"\b([A-Za-z_]\w*) *\* *\1\b|\b([A-Za-z_]\w*) *=(?: *\2 *\*|[^=\n]*\* *\2\b)")
 
 FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
 

@@ -23,7 +23,11 @@ _LOG_ALIAS = re.compile(
 )
 _LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
 _POWER_SIGN = re.compile(r"[\w)\]}]\s*\*\*")  # not f(**options)
-_SQUARE = re.compile(r"(?<![\w.])([A-Za-z_][\w.]*)\s*\*\s*\1(?![\w.(])")
+# w * w, and f = f * x: what a loop makes a power of
+_SQUARE = re.compile(
+    r"(?<![\w.])([A-Za-z_][\w.]*)\s*\*\s*\1(?![\w.(])"
+    r"|(?<![\w.])([A-Za-z_][\w.]*) *=(?: *\2 *\*|[^=\n]*\* *\2\b)"
+)
 _POWER_WORDS = ("pow", "Pow", "POW", "square", "cube", "prod(", "exp(", "*=")
 _DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
 _COMPARE = re.compile(r"[<>]")
@@ -128,7 +132,7 @@ def _powers(text: str) -> int:
     signs = len(_POWER_SIGN.findall(text)) if "**" in text else 0
     found = signs + sum(text.count(word) for word in _POWER_WORDS)
     # What makes two powers of one may be written out: pow(1 - w*w, n).
-    return found + len(_SQUARE.findall(text)) if found == 1 else found
+    return found + bool(_SQUARE.search(text)) if found == 1 else found
 
 
 def _takes_log(text: str) -> bool:
@@ -211,7 +215,8 @@ def _with_what_they_use(
     while queue:
         body = queue.pop()
         # A ratio may be made of counts in a function that does no other mathematics.
-        new = [one for name in body.calls & bodies.keys() for one in bodies[name]]
+        used = (body.calls | body.reads) & bodies.keys()  # a property is read like an attribute
+        new = [one for name in used for one in bodies[name]]
         if body.reads:
             new += [one for one in every if not body.reads.isdisjoint(one.writes)]
         for one in new:

@@ -148,6 +148,35 @@ size_t Unseen(double miss, size_t k, size_t trials, size_t points) {
   return std::round(points * inlier_ratio);
 }
 """,
+    "a power by a template": """
+double ransac_trials(double w, double s) {
+  return log(1 - s) / log(1 - boost::math::pow<4>(w));
+}
+""",
+    "casts of libraries": """
+int ransac_trials(double w, int k, double s) {
+  return log(1 - s) / log(1 - boost::numeric_cast<float>(cv::saturate_cast<double>(pow(w, k))));
+}
+""",
+    "powers of two": """
+double ransac_trials(double w, int k, double s) {
+  return std::log2(1 - s) / std::log2(1 - std::exp2(k * std::log2(w)));
+}
+""",
+    "intrinsics": """
+__device__ float ransac_trials(float w, float k, float s) {
+  return __fdividef(__logf(1.f - s), __logf(1.f - __powf(w, k)));
+}
+""",
+    "functions under the prefix of a library": """
+double ransac_trials(double w, int k, double s) {
+  return vcl_log(1 - s) / vcl_log(1 - vcl_pow(w, k));
+}
+""",
+    "a macro for a square": """
+#define SQR(x) ((x) * (x))
+double ransac_trials(double w, double s) { return log(1 - s) / log(1 - SQR(SQR(w))); }
+""",
     "typed constants": """
 template <typename T> T RansacTrials(T s, T w, int k) {
   return std::ceil(std::log(T(1) - s) / std::log(T(1) - std::pow(w, T(k))));

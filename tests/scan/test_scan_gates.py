@@ -43,6 +43,18 @@ def ransac(votes, confidence):
     return best
 """
 
+A_PROPERTY = """
+from math import log
+
+class Ransac:
+    @property
+    def miss(self):
+        return log(1 - self.confidence)
+
+    def trials(self, w):
+        return self.miss / log(1 - w**self.k)
+"""
+
 
 def found(source: str, *, gate: bool) -> tuple[Finding, ...]:
     file = SourceFile("a.py", "python", named=False)
@@ -56,6 +68,7 @@ def found(source: str, *, gate: bool) -> tuple[Finding, ...]:
         (UNUSED_CONFIDENCE, "RFX006"),
         (ONE_POWER_AND_A_SQUARE, "RFX001"),
         (NO_POWER_SIGN, "RFX001"),
+        (A_PROPERTY, "RFX001"),
     ],
 )
 def test_what_is_found_without_them_is_found_with_them(source, code):

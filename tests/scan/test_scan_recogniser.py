@@ -152,6 +152,27 @@ WHOLE = {
     "the confidence shadowed": (
         "def f(w, k):\n    p = 1 - w**k\n    p = max(1e-16, p)\n    return log(1 - p) / log(p)"
     ),
+    "a module that nothing here knows": (
+        "def f(w, k, s): return ms.ops.log(1 - s) / ms.ops.log(1 - ms.ops.pow(w, k))"
+    ),
+    "a logarithm of one's own": ("def f(w, k, s): return safe_log(1 - s) / safe_log(1 - w**k)"),
+    "reduced": (
+        "from functools import reduce\nfrom operator import mul\n"
+        "def f(w, k, s): return log(1 - s) / log(1 - reduce(mul, [w] * k))"
+    ),
+    "reduced by a lambda": (
+        "def f(w, k, s): return log(1 - s) / log(1 - reduce(lambda a, b: a * b, [w] * k))"
+    ),
+    "exp of a difference of logarithms": (
+        "def f(I, n, k, s): return log(1 - s) / log(1 - exp(k * (log(I) - log(n))))"
+    ),
+    "a test by an exponential": (
+        "def f(w, k, s, N):\n    if 1 - exp(N * log(1 - w**k)) > s:\n        return True"
+    ),
+    "a failure probability made smaller": (
+        "def f(w, k):\n    failure = 1\n    while True:\n        failure = failure * (1 - w**k)\n"
+        "        if failure < 0.01:\n            break"
+    ),
     "an assumed ratio written out": (
         "def f(s):\n    v = 0.6\n    u = 1.0 - v\n    return log(1 - s) / log(1 - u * u * u)"
     ),
