@@ -118,6 +118,8 @@ def variants(shape: Shape) -> Iterator[tuple[str, dict[str, str]]]:
         yield "outliers clear, points drawn again", clear | redrawn
         yield "outliers clear, radial distance", clear | radial
         yield "outliers clear, squared distance at most 3", clear | {"limit": "square"}
+    own = {"scope": "measurement", "noise": "deviation"}
+    yield "outliers clear, squared distance, own deviations", clear | own | {"limit": "square"}
     yield "control: outliers only", {"placement": "absent"}
 
 
