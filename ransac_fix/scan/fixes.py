@@ -197,7 +197,7 @@ def _values(counts: Counts, source: Source, place: Span) -> tuple[str, str, str]
             return f"{text} would be worked out twice"
         standing = source.standing([count], made_at, place) if moved else "same"
         if standing == "changed":
-            return "the counts may have changed since the ratio was made of them"
+            return f"{text} may have changed since the ratio was made of it in line {made_at.line}"
         if standing == "unknown":
             doubt = f"; check that {text} has not changed"
         elif not source.is_count(count):
@@ -355,7 +355,7 @@ def _with_expected_counts(read: ReadSite, source: Source, power: Span, size: str
         return f"{_ONLY_RATIO}, and not how many data the sampler draws from"
     population, known = found
     if not known:
-        return f"{_ONLY_RATIO}, and the number of data is not known yet"
+        return f"{_ONLY_RATIO}, and the number of data, {population}, is not known yet there"
     if population == size:
         return "the exponent is the number of data, not the size of a sample"
     expected = f"round({_factor(ratio)} * {_factor(population)})"

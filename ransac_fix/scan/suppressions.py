@@ -123,8 +123,8 @@ def apply(
 
 def _holds(suppression: Suppression, finding: Finding) -> bool:
     place = finding.location
-    last = suppression.span.line
-    first = last if suppression.first_line is None else suppression.first_line
+    last = suppression.span.end_line  # a comment may have several lines, in C
+    first = suppression.span.line if suppression.first_line is None else suppression.first_line
     touches = place.start_line <= last and first <= place.end_line
     return touches and (not suppression.codes or finding.code in suppression.codes)
 

@@ -364,7 +364,7 @@ NO_FIX = {
   ++n_inliers;
   return log(0.01) / log(1 - pow(w, k)) + n_inliers;
 }""",
-        "the counts may have changed",
+        "may have changed since the ratio was made of it in line",
     ),
     "changed by a loop": (
         """double trials(int n_inliers, int n, int k) {
@@ -375,7 +375,7 @@ NO_FIX = {
   }
   return t;
 }""",
-        "the counts may have changed",
+        "may have changed since the ratio was made of it in line",
     ),
     "worked out twice": (
         """double trials(Model m, int n, int k) {

@@ -187,3 +187,12 @@ def test_it_is_noted_in_every_language_with_gates_and_without(language):
     gated = scan_data(source.encode(), file).findings
     assert [one.code for one in gated] == ["RFX007"]
     assert gated == scan_data(source.encode(), file, gate=False).findings
+
+
+def test_a_comment_of_several_lines_sets_what_it_says_itself_aside():
+    source = """/* ransac: N = log(1 - p) / log(1 - w^k)
+   ransac-fix: ignore[RFX007] -- cited */
+int N;
+"""
+    result = scan_text(source.encode(), "a.cpp")
+    assert (result.findings, [one.code for one in result.suppressed]) == ((), ["RFX007"])
