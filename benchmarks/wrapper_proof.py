@@ -62,7 +62,8 @@ def magsac_cases() -> list[Case]:
         ),
         (
             "findEssentialMatrix",
-            *("two views", 21, (10, 11), 5, "distinct"),
+            # Of fewer measurements refinement finds the planted ones from other samples too.
+            *("two views", 40, (12, 13), 5, "distinct"),
             call("findEssentialMatrix", CAMERA, CAMERA, *size),
         ),
         (

@@ -1,4 +1,4 @@
-"""Graph-Cut RANSAC, through pygcransac: five estimators, with uniform samples.
+"""Graph-Cut RANSAC, through pygcransac: four estimators, with uniform samples.
 
 The rule is compiled in and assumes p**k, so the functions are wrapped: see
 `ransac_fix.patching.missing`. The missing trials are asked for as both bounds on trials. There is
@@ -9,10 +9,11 @@ trials were run pygcransac does not say: they are what its rule asks for with th
 does it return its score: the model with the smaller sum of squared residuals, truncated there, is
 kept.
 
-Passed through untouched: samplers other than the uniform one, ``sampler=0`` (the default of all
-but ``findLine2D`` is 1, PROSAC), and minimal solvers other than the first, which take samples of
-another kind. ``find6DPose`` and the essential matrices with known gravity or planar motion were not
-measured.
+Passed through untouched: samplers other than the uniform one, ``sampler=0`` (the default is 1,
+PROSAC), and minimal solvers other than the first, which take samples of another kind.
+``find6DPose`` and the essential matrices with known gravity or planar motion were not measured.
+What ``findLine2D`` makes of a sample depends on the size of the coordinates, so that no number of
+trials is the right one: see ``docs/wrappers.md``.
 
 With NumPy 2 and later release 0.1.1 returns masks that hold their first value all over: nothing can
 be read from them, so it is refused there. There is no seed to look at the rule with, so releases
@@ -97,18 +98,11 @@ def _rigid(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
     return residuals.rigid(*_sides(settings, "x1y1z1x2y2z2", 3), model)
 
 
-def _line(settings: dict[str, Any], model: Any) -> "NDArray[np.float64]":
-    import numpy as np
-
-    return residuals.line(np.asarray(settings["x1y1"], dtype=np.float64), model)
-
-
 _ESTIMATORS = {
     "findHomography": _Estimator(4, "correspondences", _homography),
     "findFundamentalMatrix": _Estimator(7, "correspondences", _fundamental),
     "findEssentialMatrix": _Estimator(5, "correspondences", _essential),
     "findRigidTransform": _Estimator(3, "x1y1z1x2y2z2", _rigid),
-    "findLine2D": _Estimator(2, "x1y1", _line),
 }
 
 
@@ -168,7 +162,7 @@ def _wrap(
 
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:
-    """Return what to replace: the five functions."""
+    """Return what to replace: the four functions."""
     needed = {name: (estimator.points, *_NEEDED) for name, estimator in _ESTIMATORS.items()}
     known = documented_functions(module, _KNOWN_VERSION, needed)
     _check_masks(module)
@@ -182,13 +176,15 @@ def _check_masks(module: Any) -> None:
     """Refuse a pygcransac whose masks say nothing."""
     import numpy as np
 
-    find = own_function(module, "findLine2D")
+    find = own_function(module, "findRigidTransform")
     assert find is not None
-    along = np.arange(20.0)
-    points = np.column_stack([10.0 * along, 5.0 * along + 7.0])
-    off = along % 4 == 0
-    points[off, 1] += 50.0 + along[off] ** 2
-    _, mask = find(points, 300, 300, np.ones(20), 0.1, sampler=_UNIFORM)
+    rng = np.random.default_rng(0)
+    source = rng.uniform(-1, 1, (20, 3))
+    target = source + np.array([0.3, -0.2, 0.1])
+    off = np.arange(20) % 4 == 0
+    target[off] += rng.uniform(1, 2, (off.sum(), 3))
+    rows, chosen = np.hstack([source, target]), {"threshold": 1e-3, "sampler": _UNIFORM}
+    _, mask = find(rows, np.ones(20), use_space_partitioning=False, **chosen)
     if not np.array_equal(mask, ~off):
         raise PatchNotApplicable(
             f"with NumPy {np.__version__} its masks do not show the inliers: use NumPy 1"

@@ -62,13 +62,14 @@ class Recorder:
     def add(self, key: Key, raw: Raw) -> None:
         """Count one call."""
         with self._lock:
-            # Worked through later, many at once: between calls of a library it takes longer.
+            # Worked through later, many at once: between calls of a library it takes longer. Where
+            # they are written, that is when the file is full: who reads it works through the rest.
             self._pending.append((key, raw))
             if self._writes:
                 # Several times as quick as JSON. Version 2 is read by every Python.
                 numbers = b2a_base64(marshal.dumps(raw, 2), newline=False)
                 self._write(b'["call",%b,"%b"]' % (_as_json(key), numbers))
-            if len(self._pending) >= _MOST_PENDING:
+            elif len(self._pending) >= _MOST_PENDING:
                 self.flush()
 
     def flush(self) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     Squares = NDArray[np.float64]
 
-__all__ = ["line", "rigid", "sampson", "symmetric_epipolar", "transfer"]
+__all__ = ["rigid", "sampson", "symmetric_epipolar", "transfer"]
 
 
 def transfer(x: Any, y: Any, model: Any) -> "Squares":
@@ -50,11 +50,6 @@ def symmetric_epipolar(x: Any, y: Any, model: Any) -> "Squares":
     error, second, first = _epipolar(x, y, model)
     with np.errstate(all="ignore"):
         return _defined(error**2 * (1.0 / second + 1.0 / first))
-
-
-def line(points: Any, model: Any) -> "Squares":
-    """Return squared distances from a line a x + b y + c = 0 with a unit normal (a, b)."""
-    return _defined((points @ model[:2] + model[2]) ** 2)
 
 
 def rigid(x: Any, y: Any, model: Any) -> "Squares":

@@ -19,7 +19,7 @@ from ransac_fix.patches import gc_ransac as patch_file
 from ransac_fix.patching import docstrings, missing
 from ransac_fix.patching.docstrings import documented_parameters
 
-SHAPES = {"findRigidTransform": (4, 4), "findLine2D": (3,)} | dict.fromkeys(
+SHAPES = {"findRigidTransform": (4, 4)} | dict.fromkeys(
     ("findHomography", "findFundamentalMatrix", "findEssentialMatrix"), (3, 3)
 )
 DEFAULTS = {"sampler": 1, "threshold": 1.0, "conf": 0.99, "solver": 0}
@@ -55,7 +55,7 @@ def test_trials_run_and_missing_make_the_required_number(
         return (None, mask & False) if n_inliers == k else (model, mask)
 
     patch_file._wrap(counting, estimator, DEFAULTS)(
-        **{estimator.points: np.ones((n_samples, {2: 2, 3: 6}.get(k, 4)))},
+        **{estimator.points: np.ones((n_samples, 6 if k == 3 else 4))},
         K1=CAMERA,
         K2=CAMERA,
         sampler=0,
