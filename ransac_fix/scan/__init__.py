@@ -240,7 +240,7 @@ def _scan_all(
         left: list[SourceFile] = []
         for start in range(0, len(files), _BATCH):
             batch = files[start : start + _BATCH]
-            unknown = _unknown(batch, options.codes, known)
+            unknown = _unknown(batch, options, known)
             left += unknown
             yield _Batch(files=len(batch) - len(unknown))
         files = left
@@ -325,11 +325,13 @@ def _load(path: Path) -> frozenset[bytes]:
 
 
 def _unknown(
-    files: Sequence[SourceFile], codes: tuple[str, ...], known: frozenset[bytes]
+    files: Sequence[SourceFile], options: _Options, known: frozenset[bytes]
 ) -> list[SourceFile]:
+    from ransac_fix.scan.rules import find_rule
     from ransac_fix.scan.scanner import is_known
 
-    return [file for file in files if not is_known(file, codes, known)]
+    rules = [find_rule(code) for code in options.codes]
+    return [file for file in files if not is_known(file, rules, known, gate=options.gate)]
 
 
 def _scan_batch(files: Sequence[SourceFile], options: _Options) -> _Batch:

@@ -100,11 +100,10 @@ class Formula:
     span: Span
 
 
-def may_state_a_rule(source: str) -> bool:
-    """Whether a text could state a stopping rule anywhere, in prose or not."""
-    # No file passes the gates without the first.
+def may_state_a_rule(source: str, written: str) -> bool:
+    """Whether a text could state a stopping rule in what is written in it, which may be all."""
     logarithms = "log" in source or "Log" in source or "ln(" in source
-    return logarithms and _states_something(source)
+    return logarithms and _states_something(written)
 
 
 def _states_something(text: str) -> bool:

@@ -3,19 +3,21 @@
 Nothing that is scanned is ever imported or run.
 """
 
+import ast
 import codecs
-import os
 import re
 import tokenize
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from ransac_fix.scan import evaluate, python, triage, words
+from ransac_fix.scan import evaluate, python, triage
 from ransac_fix.scan.cache import digest_of
+from ransac_fix.scan.facts import may_hold_a_rule
 from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
 from ransac_fix.scan.form import Module
+from ransac_fix.scan.gates import gate_for
 from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.prose import Prose, blocks, may_state_a_rule, python_prose
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
@@ -38,34 +40,14 @@ from ransac_fix.scan.suppressions import (
 )
 
 _MAX_BYTES = 20_000_000
-# One of two powers may be written out (w * w), or made by a loop (f = f * x).
-_SQUARE = re.compile(rb"\b([A-Za-z_]\w*) *\* *\1\b|\b([A-Za-z_]\w*) *=(?: *\2 *\*|[^=\n]*\* *\2\b)")
+_LINE_END = re.compile(r'\\n(?:",?\s*")?')
 
 FileOutcome = tuple[tuple[Finding, ...], tuple[ScanError, ...]]
 
 
-def may_matter(data: bytes, rules: Sequence[Rule]) -> bool:
-    """Whether a file's bytes could break one of the rules at all."""
-    # The gates lose nothing: the benchmarks run with and without them over real trees and compare.
-    lowered = data.lower()
-    if words.in_lowered(lowered) and _does_mathematics(data):
-        return True
-    if any(rule.concerns(lowered) for rule in rules):
-        return True
-    return b"ransac-fix:" in data or b"RFX" in data  # a comment that may set nothing aside
-
-
-def _does_mathematics(data: bytes) -> bool:
-    """Whether a file takes logarithms, or powers of powers: no stopping rule does without."""
-    if b"log" in data or b"Log" in data or b"ln(" in data:
-        return True
-    powers = data.count(b"**") + data.count(b"pow") + data.count(b"*=")
-    return powers > 1 or (powers == 1 and bool(_SQUARE.search(data)))
-
-
 @dataclass(frozen=True, slots=True)
 class FileResult:
-    """What one file gave; ``digest`` when that is nothing and should be remembered."""
+    """What one file gave; ``digest`` when that took looking, is nothing and is to be remembered."""
 
     findings: tuple[Finding, ...] = ()
     errors: tuple[ScanError, ...] = ()
@@ -81,15 +63,27 @@ def read_file(file: SourceFile) -> bytes | ScanError:
         return _error(file, f"cannot be read: {error.strerror or error}")
 
 
-def is_known(file: SourceFile, codes: tuple[str, ...], known: frozenset[bytes]) -> bool:
-    """Whether a file holds what is known to break none of the rules."""
+def is_known(
+    file: SourceFile, rules: Sequence[Rule], known: frozenset[bytes], *, gate: bool = True
+) -> bool:
+    """Whether a file breaks none of the rules: by its bytes alone, or as is known of them."""
     data = read_file(file)
-    return not isinstance(data, ScanError) and digest_of(file, data, codes) in known
+    if isinstance(data, ScanError):
+        return False
+    if gate and is_gated(data, file, rules):
+        return True
+    return digest_of(file, data, _codes(rules)) in known
 
 
 def is_gated(data: bytes, file: SourceFile, rules: Sequence[Rule]) -> bool:
-    """Whether a file is set aside by its bytes alone."""
-    return not file.named and not may_matter(os.fsencode(file.path) + b"\n" + data, rules)
+    """Whether a file is set aside by its bytes alone; one that is too large never is."""
+    if file.named or len(data) > _MAX_BYTES:
+        return False
+    return not gate_for(tuple(rules)).keeps(file.path, data)
+
+
+def _codes(rules: Sequence[Rule]) -> tuple[str, ...]:
+    return tuple(rule.code for rule in rules)
 
 
 def scan_file(
@@ -134,11 +128,9 @@ def scan_data(
     if len(data) > _MAX_BYTES:
         message = f"skipped: larger than {_MAX_BYTES // 1_000_000} MB"
         return FileResult(errors=(_error(file, message),))
-    digest: bytes | None = None
-    if remember:
-        digest = digest_of(file, data, tuple(rule.code for rule in chosen))
     if gate and is_gated(data, file, chosen):
-        return FileResult(digest=digest)
+        return FileResult()  # to search it once more takes less than to digest it
+    digest = digest_of(file, data, _codes(chosen)) if remember else None
     try:
         source = decode(data, file.language)
     except (SyntaxError, UnicodeError, LookupError) as error:
@@ -159,7 +151,7 @@ def scan_source(
     chosen = default_rules() if rules is None else rules
     try:
         if file.language == "notebook":
-            return _scan_notebook(source, file, chosen, settings)
+            return _scan_notebook(source, file, chosen, gate=gate, settings=settings)
         if file.language == "c++":
             return _scan_cpp(source, file, chosen, gate=gate)
         return _scan_python(source, file, chosen, gate=gate, settings=settings)
@@ -211,12 +203,16 @@ def _scan_python(
 ) -> FileOutcome:
     # A named file is parsed in any case: that it cannot be is what its user must learn.
     commented = has_any(source)
-    stated = _may_be_stated(source, rules)
+    code, written = triage.split(source)
+    stated = _may_be_stated(source, written, rules)
     noted = commented or stated
     quiet = _quiet(source, rules) if gate else frozenset()
-    wanted = noted or any(rule.reads_everything and rule.code not in quiet for rule in rules)
     stub = file.path.endswith(".pyi") and not noted  # it computes nothing
-    if gate and not file.named and (stub or not (wanted or triage.could_hold_a_rule(source))):
+    if gate and stub and not file.named:
+        return (), ()
+    wanted = noted or any(rule.reads_everything and rule.code not in quiet for rule in rules)
+    could = not gate or triage.could_hold_a_rule(code)
+    if not (could or wanted or file.named):
         return (), ()
     repaired = False
     try:
@@ -230,17 +226,17 @@ def _scan_python(
         tree = python.tree(source)
     except ValueError as error:
         return (), (_error(file, f"not Python that can be read: {error}"),)
-    bodies = triage.relevant(tree, source) if gate else None
-    if gate and bodies is None:
-        if not wanted:
-            return (), ()
-        bodies = set()
-    module = python.read(tree, source, bodies)
+    if gate and (could or repaired):
+        could = may_hold_a_rule(tree)
+    if not (could or wanted):
+        return (), ()
 
     @cache
     def whole() -> Module:
         return python.read(tree, source)
 
+    # Where no rule can stand, names are enough; some rules then ask for the whole.
+    module = whole() if could else python.read(tree, source, set())
     comments = tuple(python_comments(source)) if commented else ()
     findings = check(
         module,
@@ -255,13 +251,14 @@ def _scan_python(
         prose=tuple(python_prose(source)) if stated else (),
     )
     if findings and not repaired:
-        return _confirmed(source, file, findings, {one.code for one in rules if one.about_code})
+        of_code = {one.code for one in rules if one.about_code}
+        return _confirmed(source, tree, file, findings, of_code)
     return tuple(findings), ()
 
 
-def _may_be_stated(source: str, rules: Sequence[Rule]) -> bool:
+def _may_be_stated(source: str, written: str, rules: Sequence[Rule]) -> bool:
     """Whether a rule reads comments and docstrings, and one of them could say something."""
-    return any(rule.reads_prose for rule in rules) and may_state_a_rule(source)
+    return any(rule.reads_prose for rule in rules) and may_state_a_rule(source, written)
 
 
 def check(
@@ -332,9 +329,16 @@ def _order(finding: Finding) -> tuple[str, int, int, str]:
 
 
 def _confirmed(
-    source: str, file: SourceFile, findings: Iterable[Finding], of_code: Collection[str]
+    source: str,
+    tree: ast.Module,
+    file: SourceFile,
+    findings: Sequence[Finding],
+    of_code: Collection[str],
 ) -> FileOutcome:
     """Keep the findings whose place libcst sees too, of those that are of code."""
+    coded = [finding for finding in findings if finding.code in of_code]
+    if not coded:
+        return tuple(findings), ()
     import libcst as cst
 
     from ransac_fix.scan.form import Span
@@ -345,7 +349,7 @@ def _confirmed(
         return Span(place.start_line, place.start_column - 1, place.end_line, place.end_column - 1)
 
     try:
-        nodes = confirm(source, [span(finding) for finding in findings])
+        nodes = confirm(source, tree, [span(finding) for finding in coded])
     except (cst.ParserSyntaxError, RecursionError):
         # libcst is behind the interpreter's grammar: what ast read stands.
         return tuple(findings), ()
@@ -373,11 +377,12 @@ def _quiet(source: str, rules: Sequence[Rule]) -> frozenset[str]:
 def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool) -> FileOutcome:
     from ransac_fix.scan import cpp
 
-    commented, stated = has_any(source), _may_be_stated(source, rules)
+    code, written = triage.split(source, "c++")
+    commented, stated = has_any(source), _may_be_stated(source, written, rules)
     quiet = _quiet(source, rules) if gate else frozenset()
     wanted = commented or stated
     wanted |= any(rule.reads_everything and rule.code not in quiet for rule in rules)
-    ruled = not gate or triage.could_hold_a_rule(source)
+    ruled = not gate or triage.could_hold_a_rule(code)
     if not ruled and not wanted:
         return (), ()
     comments = tuple(cpp.comments(source)) if commented or stated else ()
@@ -398,8 +403,16 @@ def _scan_cpp(source: str, file: SourceFile, rules: Sequence[Rule], *, gate: boo
 
 
 def _scan_notebook(
-    source: str, file: SourceFile, rules: Sequence[Rule], settings: Settings
+    source: str, file: SourceFile, rules: Sequence[Rule], *, gate: bool, settings: Settings
 ) -> FileOutcome:
+    if gate and not file.named:
+        # The cells as they stand in the JSON text, but for the ends of their lines.
+        cells = _LINE_END.sub("\n", source)
+        quiet = _quiet(source, rules)
+        wanted = has_any(source) or _may_be_stated(cells, cells, rules)
+        wanted |= any(rule.reads_everything and rule.code not in quiet for rule in rules)
+        if not wanted and not triage.could_hold_a_rule(cells):
+            return (), ()
     try:
         notebook = read_notebook(source)
     except NotANotebook as error:
@@ -410,7 +423,7 @@ def _scan_notebook(
     module = python.parse(notebook.source)
     comments = tuple(python_comments(notebook.source))
     text = Text(notebook.source, [line.cell for line in notebook.lines])
-    stated = _may_be_stated(notebook.source, rules)
+    stated = _may_be_stated(notebook.source, notebook.source, rules)
     findings = check(
         module,
         text,

@@ -1,225 +1,203 @@
-"""Which definitions of a Python file could take part in a stopping rule.
+"""The gate before the parser: whether a file's text has all that a stopping rule is made of.
 
-Turning source into the small form and following its definitions costs far more than searching it,
-and most files with a logarithm and the word "outlier" hold no rule. So a body is only read when it
-could: it divides and takes logarithms, or raises powers to powers, or it calls, is called by or
-shares attributes with one that does. The rest of the file keeps its names and loses its bodies.
+A rule is made of a complement, ``1 - P``; of a power or a product for P; and
+
+- of a logarithm (of that complement);
+- or, without logarithms, of a power of the complement whose exponent is no number, or of a product
+  that takes it once more in each run of a loop, and of a comparison;
+- or, solved for the inliers, of two such powers and a product.
+
+Everything here errs towards reading too much.
 """
 
-import ast
 import re
-from functools import cached_property
-from typing import TypeAlias
+from functools import cache
 
-from ransac_fix.scan.python import split_lines
+from ransac_fix.scan import functions
 
-Definition: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef
+# A comment or a string, as the language reads them: in Python those of three marks first.
+_MARKED = {
+    "python": re.compile(
+        r"#[^\n]*+"
+        r'|"""(?:[^"\\]++|\\.|"(?!""))*+"""'
+        r"|'''(?:[^'\\]++|\\.|'(?!''))*+'''"
+        r'|"[^"\\\n]*+(?:\\.[^"\\\n]*+)*+"'
+        r"|'[^'\\\n]*+(?:\\.[^'\\\n]*+)*+'",
+        re.DOTALL,
+    ),
+    "c++": re.compile(
+        r"//[^\n]*+|/\*.*?\*/|\"[^\"\\\n]*+(?:\\.[^\"\\\n]*+)*+\"|'(?:[^'\\\n]|\\.)'", re.DOTALL
+    ),
+}
 
-_LOG = r"(?:[lL]og(?:2|10|1p|[fl])?|ln)"
-_LOG_CALL = re.compile(rf"(?<![A-Za-z]){_LOG}\s*\(")
-_LOG_ALIAS = re.compile(
-    rf"(?<![A-Za-z]){_LOG}\s+as\s+(\w+)|(\w+)\s*=\s*[\w.]*\b{_LOG}[ \t]*(?:$|#)",
-    re.MULTILINE,
+# What a word says of a text that it stands in.
+_LOG, _POWER, _OPEN, _COMPLEMENT, _LOOP = 1, 2, 4, 8, 16
+_KINDS = {**functions.UNARY, **functions.BINARY}
+_LOGS = ("logn", *(name for name, kind in _KINDS.items() if kind in ("log", "log1p")))
+_SAID = {
+    **dict.fromkeys(("log1p", "sub"), _COMPLEMENT),
+    **dict.fromkeys(
+        ("exp", "square", "factorial", "gamma", "lgamma", "comb", "mul"),
+        _POWER,
+    ),
+    "expm1": _POWER | _COMPLEMENT,
+    "pow": _POWER | _OPEN,
+}
+_SAYS = {
+    **{name: _SAID.get(kind, 0) for name, kind in _KINDS.items()},
+    "hypergeom": _POWER,
+    **dict.fromkeys((*functions.PRODUCTS, "reduce"), _POWER | _OPEN),
+    **dict.fromkeys((*functions.ONES, "one", "One", "ONE"), _COMPLEMENT),
+    "for": _LOOP,
+    "while": _LOOP,
+    "do": _LOOP,
+}
+
+_FORMATTED = re.compile(r"[fFtT][rR]?$|[rR][fFtT]$")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_LOG_CALL = re.compile(
+    rf"(?:{'|'.join(sorted(_LOGS, key=len, reverse=True))})\s*(?:<[^<>()]*>)?\s*\("
 )
-_LOG_HOLDER = re.compile(r"(\w+)\s*(?::[^=\n]+)?=(?!=)[^\n]*(?<![A-Za-z])[lL]og", re.MULTILINE)
-_POWER_SIGN = re.compile(r"[\w)\]}]\s*\*\*")  # not f(**options)
-# w * w, and f = f * x: what a loop makes a power of
-_SQUARE = re.compile(
-    r"(?<![\w.])([A-Za-z_][\w.]*)\s*\*\s*\1(?![\w.(])"
-    r"|(?<![\w.])([A-Za-z_][\w.]*) *=(?: *\2 *\*|[^=\n]*\* *\2\b)"
+# Another name for one of them, or for a power: `log as ln`, `ln = math.log`.
+_ALIAS = re.compile(
+    rf"(?:{'|'.join((*_LOGS, 'pow', 'power', 'prod'))})(?:\s+as\s|[ \t]*;?[ \t]*$)", re.MULTILINE
 )
-_POWER_WORDS = ("pow", "Pow", "POW", "square", "cube", "prod(", "exp(", "*=")
-_DIVIDE = re.compile(r"/|divide|\bdiv\(|reciprocal|\blog\s*\([^\n]*,|-\s*1\b")
-_COMPARE = re.compile(r"[<>]")
-_CALL = re.compile(r"(\w+)\s*\(")
-_READ = re.compile(r"\b(?:self|cls)\.(\w+)")
-_WRITTEN = re.compile(r"\b(?:self|cls)\.(\w+)\s*(?::[^=\n]+)?(?:[-+*/]|\*\*|//)?=(?!=)")
-_WORD = re.compile(r"\w+")
-# 1 - p, 1.0f - p, T(1) - p, one - p, ones_like(p) - p, log1p(-p), -expm1(x), (-p + 1)
-_COMPLEMENT = re.compile(
-    r"(?<![\w.])1(?:\.0*)?f?\s*[)}]*\s*-|log1p|expm1|\bones?\b|ones_like|\+\s*-|\+\s*1\b"
-)
-_CALLERS = 3
+_STARS = re.compile(r"\*\*?=?")
+_LITERAL = re.compile(r"(?<![\w.])[\d.]+$")
+_LITERAL_EXPONENT = re.compile(r"[\s\-]*[\d.]")
+_ASSIGNED = re.compile(r"[^=\n]*?(\w+)\s*(?::[^=\n]*)?=(?!=)")
+# 1 - p, 1.0f - p, T(1) - p
+_ONE_LESS = re.compile(r"1(?:\.0*)?[fFlL]?[\s)\]}\"']*-")
+# (-p + 1), 1 + -p, -(p - 1)
+_PLUS_ONE = re.compile(r"\+\s*(?:-|1(?![\d.]*[1-9]))")
+_LESS_ONE = re.compile(r"-\s*1(?:\.0*)?\s*\)")
+_MINUS_GROUP = re.compile(r"-\s*\(")
+_IS_ONE = re.compile(r"=\s*(?:[\w.]+[(\[{])*1(?:\.0*)?[fFlL]?(?![\w.])")
+_NAME = re.compile(r"(\w+)\s*(?::[^=\n]*)?$")
 
 
-class _Body:
-    """A definition, or the statements outside of any, and what its text says of it."""
-
-    def __init__(self, node: Definition | None, text: str, aliases: set[str]) -> None:
-        self.node = node
-        self.text = text
-        self.logs = _takes_log(text)
-        if not self.logs and aliases:
-            self.logs = not aliases.isdisjoint(self.calls)
-        self.powers = _powers(text)
-
-    @cached_property
-    def calls(self) -> set[str]:
-        return set(_CALL.findall(self.text))
-
-    @cached_property
-    def divides(self) -> bool:
-        return bool(_DIVIDE.search(self.text))
-
-    @cached_property
-    def compares(self) -> bool:
-        return bool(_COMPARE.search(self.text))
-
-    @cached_property
-    def reads(self) -> set[str]:
-        return set(_READ.findall(self.text)) if "self." in self.text else set()
-
-    @cached_property
-    def writes(self) -> set[str]:
-        return set(_WRITTEN.findall(self.text)) if "self." in self.text else set()
+def could_hold_a_rule(code: str) -> bool:
+    """Whether a file's text could hold a rule at all: its code, as :func:`split` gives it."""
+    says = 0
+    for word in set(_WORD.findall(code)):
+        says |= _said_by(word)
+    powers, opened, grows = _signs(code)
+    powers += 2 * bool(says & _POWER)
+    if not powers or not (says & _COMPLEMENT or _complements(code)):
+        return False
+    if _takes_log(code):
+        return True
+    opened += 2 * bool(says & _OPEN)
+    if opened > 1 and powers > 2:
+        return True
+    compares = "<" in code or ">" in code.replace("->", "")
+    return powers > 1 and compares and bool(opened or (grows and says & _LOOP))
 
 
-def relevant(tree: ast.Module, source: str) -> set[int] | None:
-    """Choose the definitions to read.
+def split(source: str, language: str = "python") -> tuple[str, str]:
+    """Tell the code of a file from what is written in it.
 
     Parameters
     ----------
-    tree : ast.Module
     source : str
-        The text that ``tree`` was parsed from.
+    language : {"python", "c++"}
 
     Returns
     -------
-    set of int or None
-        ``id`` of the function definitions whose bodies count; None when nothing in the file can
-        be a rule.
+    code : str
+        The file without its comments and strings, with the lines that it had. An f-string stays,
+        because it holds code.
+    prose : str
+        The comments and strings, one after the other.
     """
-    lines = split_lines(source)
-    aliases = _aliases(source)
-    bodies: dict[str, list[_Body]] = {}
-    top = list(lines)
-    for node in _definitions(tree.body):
-        start, end = node.lineno - 1, node.end_lineno or node.lineno
-        body = _Body(node, "\n".join(lines[start:end]), aliases)
-        bodies.setdefault(node.name, []).append(body)
-        top[start:end] = [""] * (end - start)
-    module = _Body(None, "\n".join(top), aliases)
-    every = [body for same in bodies.values() for body in same]
-    logging = [body for body in (module, *every) if body.logs]
-    if not logging and sum(body.powers for body in (module, *every)) < 2:
-        return None
-    holds_log = _holders(logging)
-    chosen: dict[int, _Body] = {
-        id(body.node): body for body in every if _is_seed(body, bodies, holds_log)
-    }
-    if not chosen and not _is_seed(module, bodies, holds_log):
-        return None
-    _with_callers(chosen, every)
-    _with_what_they_use(chosen, every, bodies, module)
-    if not any(_COMPLEMENT.search(body.text) for body in (module, *chosen.values())):
-        return None
-    return set(chosen)
+    prose: list[str] = []
+
+    def kept(found: re.Match[str]) -> str:
+        text = found[0]
+        if text[0] in "#/":
+            prose.append(text)
+            return "\n" * text.count("\n")
+        start = found.start()
+        if language == "python" and _FORMATTED.search(source, max(0, start - 2), start):
+            return text
+        prose.append(text)
+        return '""' + "\n" * text.count("\n") if "\n" in text else '""'
+
+    source = source.replace("\r\n", "\n").replace("\r", "\n")
+    return _MARKED[language].sub(kept, source), "\n".join(prose)
 
 
-def could_hold_a_rule(source: str) -> bool:
-    """Whether a file's text could hold one at all; asked before it is parsed.
+@cache
+def _said_by(word: str) -> int:
+    said = _SAYS.get(word, 0)
+    if functions.is_power(word):
+        said |= _POWER | _OPEN
+    if functions.fixed_power(word) is not None:
+        said |= _POWER
+    if functions.own_logarithm(word) == "log1p":
+        said |= _COMPLEMENT
+    return said
 
-    Every rule takes the complement of a probability, and either logarithms or a power of a power.
-    """
-    if not _COMPLEMENT.search(source):
-        return False
-    if _takes_log(source):
+
+def _takes_log(code: str) -> bool:
+    """Whether a logarithm is called, or gets another name."""
+    for found in _LOG_CALL.finditer(code):
+        if not code[found.start() - 1 : found.start()].isalpha():
+            return True
+    return bool(_ALIAS.search(code))
+
+
+def _signs(code: str) -> tuple[int, int, bool]:
+    """Count the powers and products that stars spell, and the open powers; say if one grows."""
+    powers = opened = 0
+    grows = False
+    for found in _STARS.finditer(code):
+        start, sign = found.start(), found[0]
+        before = code[max(0, start - 30) : start].rstrip(" \t\n\\")
+        # Not f(*values), f(**options), import *
+        if not before or not (before[-1].isalnum() or before[-1] in "_)]}\"'"):
+            continue
+        if before.endswith("import"):
+            continue
+        powers += 1
+        if sign[:2] == "**":
+            literal = _LITERAL.search(before) or _LITERAL_EXPONENT.match(code, found.end())
+            opened += not literal
+        elif not grows:
+            grows = sign == "*=" or _multiplies_itself(code, start)
+        if grows and opened > 1 and powers > 2:
+            break
+    return powers, opened, grows
+
+
+def _multiplies_itself(code: str, star: int) -> bool:
+    """Whether the statement around a sign assigns to a name that it also has a use for."""
+    end = code.find("\n", star)
+    end = len(code) if end < 0 else end
+    start = star
+    for _ in range(6):  # lines of one statement
+        start = code.rfind("\n", 0, start)
+        assigned = _ASSIGNED.match(code, start + 1, end)
+        if assigned:
+            return bool(re.search(rf"\b{assigned[1]}\b", code[assigned.end() : end]))
+        if start < 0:
+            break
+    return False
+
+
+def _complements(code: str) -> bool:
+    """Whether something is taken from one."""
+    if _PLUS_ONE.search(code):
         return True
-    return _powers(source) > 1 or bool(_aliases(source))
-
-
-def _powers(text: str) -> int:
-    signs = len(_POWER_SIGN.findall(text)) if "**" in text else 0
-    found = signs + sum(text.count(word) for word in _POWER_WORDS)
-    # What makes two powers of one may be written out: pow(1 - w*w, n).
-    return found + bool(_SQUARE.search(text)) if found == 1 else found
-
-
-def _takes_log(text: str) -> bool:
-    return ("log" in text or "ln" in text or "Log" in text) and bool(_LOG_CALL.search(text))
-
-
-def _about_logs(text: str) -> str:
-    """Give the lines of a text that say anything of logarithms."""
-    if "log" not in text and "Log" not in text and "ln" not in text:
-        return ""
-    lines = (line for line in text.split("\n") if "log" in line or "Log" in line or "ln" in line)
-    return "\n".join(lines)
-
-
-def _aliases(source: str) -> set[str]:
-    """Find the other names that a file gives to logarithms."""
-    return {name for pair in _LOG_ALIAS.findall(_about_logs(source)) for name in pair if name}
-
-
-def _holders(logging: list[_Body]) -> re.Pattern[str] | None:
-    """Match the names that hold a logarithm for others: functions, attributes, module names."""
-    names: set[str] = set()
-    for body in logging:
-        if body.node is not None:
-            names.add(body.node.name)
-            held = _LOG_HOLDER.findall(_about_logs(body.text))
-            names |= {name for name in held if name in body.writes}
-        else:
-            names |= set(_LOG_HOLDER.findall(_about_logs(body.text)))
-    return re.compile(rf"\b(?:{'|'.join(map(re.escape, sorted(names)))})\b") if names else None
-
-
-def _definitions(body: list[ast.stmt]) -> list[Definition]:
-    """Collect functions and methods; what is defined inside one belongs to it."""
-    found: list[Definition] = []
-    for node in body:
-        match node:
-            case ast.FunctionDef() | ast.AsyncFunctionDef():
-                found.append(node)
-            case ast.ClassDef():
-                found += _definitions(node.body)
-            case ast.If() | ast.Try() | ast.TryStar() | ast.With() | ast.For() | ast.While():
-                for name in ("body", "orelse", "finalbody"):
-                    found += _definitions(getattr(node, name, []))
-                for handler in getattr(node, "handlers", []):
-                    found += _definitions(handler.body)
-            case _:
-                pass
-    return found
-
-
-def _is_seed(
-    body: _Body, bodies: dict[str, list[_Body]], holds_log: re.Pattern[str] | None
-) -> bool:
-    """Whether a body divides or compares logarithms, or compares powers of powers."""
-    if body.logs or (holds_log is not None and holds_log.search(body.text)):
-        return body.divides or body.compares
-    if not body.powers or not body.compares:
-        return False
-    if body.powers > 1:
+    for found in _ONE_LESS.finditer(code):
+        before = code[found.start() - 1 : found.start()]
+        if not (before.isalnum() or before in ("_", ".")):
+            return True
+    if _LESS_ONE.search(code) and _MINUS_GROUP.search(code):
         return True
-    return any(one.powers for name in body.calls & bodies.keys() for one in bodies[name])
-
-
-def _with_callers(chosen: dict[int, _Body], every: list[_Body]) -> None:
-    """Add what calls a chosen function: it says what the parameters are, and in which loop."""
-    for _ in range(_CALLERS):
-        names = {body.node.name for body in chosen.values() if body.node is not None}
-        new = [body for body in every if id(body.node) not in chosen and body.calls & names]
-        if not new:
-            return
-        chosen.update((id(body.node), body) for body in new)
-
-
-def _with_what_they_use(
-    chosen: dict[int, _Body], every: list[_Body], bodies: dict[str, list[_Body]], module: _Body
-) -> None:
-    """Add what chosen functions call, and what sets the attributes they read."""
-    queue = [*chosen.values(), module]
-    while queue:
-        body = queue.pop()
-        # A ratio may be made of counts in a function that does no other mathematics.
-        used = (body.calls | body.reads) & bodies.keys()  # a property is read like an attribute
-        new = [one for name in used for one in bodies[name]]
-        if body.reads:
-            new += [one for one in every if not body.reads.isdisjoint(one.writes)]
-        for one in new:
-            if id(one.node) not in chosen:
-                chosen[id(one.node)] = one
-                queue.append(one)
+    ones: set[str] = set()
+    for found in _IS_ONE.finditer(code):
+        named = _NAME.search(code[max(0, found.start() - 60) : found.start()])
+        if named:
+            ones.add(named[1])
+    return bool(ones) and bool(re.search(rf"(?:{'|'.join(ones)})\b[\s)\]}}]*-", code))

@@ -25,10 +25,7 @@ def _spellings(words: tuple[str, ...]) -> tuple[str, ...]:
 _STRONG_SPELLINGS = (*_spellings(_STRONG_WORDS), "RanSaC", "RanSac", "MSaC")
 _STRONG = re.compile("|".join(map(re.escape, _STRONG_SPELLINGS)))
 _WEAK = re.compile("|".join(map(re.escape, _spellings(_WEAK_WORDS))))
-_WORDS = tuple(word.encode() for word in (*_STRONG_WORDS, *_WEAK_WORDS))
-# What several of them share is searched for once.
-_STEMS = b"sac inlier outlier consensus homograph epipolar keypoint cloud".split()
-_WORDS_WITH = {stem: tuple(word for word in _WORDS if stem in word) for stem in _STEMS}
+WORDS = tuple(word.encode() for word in (*_STRONG_WORDS, *_WEAK_WORDS))
 _OTHER = re.compile(
     r"bloom|min_?hash|jaccard|\blsh|false.positive|pass@|pass_at_k|annealing|time.to.solution"
     r"|differential.privacy|k-?mers?\b|allele|genotype|bonferroni|family.?wise|geometric dist",
@@ -58,7 +55,4 @@ def speaks_of_other(text: str) -> bool:
 
 def in_lowered(lowered: bytes) -> bool:
     """Whether a file, in lower case, could speak for RANSAC at all."""
-    return any(
-        stem in lowered and any(word in lowered for word in words)
-        for stem, words in _WORDS_WITH.items()
-    )
+    return any(word in lowered for word in WORDS)

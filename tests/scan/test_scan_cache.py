@@ -32,7 +32,7 @@ def test_only_what_holds_something_or_changed_is_scanned_again(tmp_path, scanned
     source.mkdir()
     (source / "rule.py").write_text(RULE)
     (source / "clean.py").write_text(CLEAN)
-    (source / "broken.py").write_text("def ransac(:\n  log(1 - w)\n")
+    (source / "broken.py").write_text("def ransac(:\n  log(1 - w**k)\n")
     first = scan_paths([source], cache=cache)
     assert sorted(scanned) == ["broken.py", "clean.py", "rule.py"]
     scanned.clear()

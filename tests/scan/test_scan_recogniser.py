@@ -4,12 +4,19 @@
 import pytest
 
 from ransac_fix.scan import python
+from ransac_fix.scan.facts import may_hold_a_rule
 from ransac_fix.scan.reading import Text
 from ransac_fix.scan.scanner import read
+from ransac_fix.scan.triage import could_hold_a_rule, split
 
 
 def sites(source: str, path: str = "ransac.py"):
-    return read(python.parse(source), Text(source), path)
+    found = read(python.parse(source), Text(source), path)
+    if found:
+        # What is recognised anywhere in these tests the gates let through.
+        assert could_hold_a_rule(split(source)[0])
+        assert may_hold_a_rule(python.tree(source))
+    return found
 
 
 def kinds(source: str) -> list[str]:

@@ -129,6 +129,13 @@ class Rule(ABC):
         del lowered
         return False
 
+    def needs(self) -> tuple[bytes, ...]:
+        """Give words, in lower case, one of which stands in every file that such a rule concerns.
+
+        Where there are none the rule is asked about every file, which takes its time.
+        """
+        return ()
+
     def check_unused(self, unused: Iterable[Suppression], file: ScannedFile) -> Iterator[Finding]:
         """Find fault with the comments that set nothing aside; one rule does."""
         del unused, file

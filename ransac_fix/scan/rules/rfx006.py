@@ -108,6 +108,10 @@ class RansacPlane:
 """,
     }
 
+    def needs(self) -> tuple[bytes, ...]:
+        """Ask for the words that the name of such a function has."""
+        return (b"ransac", b"consensus")
+
     def concerns(self, lowered: bytes) -> bool:
         """Ask for every file that may define something named after RANSAC and a probability."""
         if b"ransac" not in lowered and b"consensus" not in lowered:

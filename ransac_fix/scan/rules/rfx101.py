@@ -151,6 +151,10 @@ H, mask = find([], [], cv2.RANSAC, 3.0)
 """,
     }
 
+    def needs(self) -> tuple[bytes, ...]:
+        """Ask for the names of the libraries."""
+        return tuple(module for module, _ in _gates())
+
     def concerns(self, lowered: bytes) -> bool:
         """Ask for every file that names a library and one of its functions."""
         return any(

@@ -93,6 +93,10 @@ def pose(points, pixels, K):
 """,
     }
 
+    def needs(self) -> tuple[bytes, ...]:
+        """Ask for the name of the library."""
+        return (b"cv2",)
+
     def concerns(self, lowered: bytes) -> bool:
         """Ask for every file that names cv2 and one of the functions."""
         return b"cv2" in lowered and any(name.lower().encode() in lowered for name in _ARRAYS)
