@@ -7,9 +7,12 @@ expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``),
 
 import gc
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from itertools import islice
 from pathlib import Path
 
 from ransac_fix.errors import RansacFixError
@@ -108,20 +111,23 @@ def scan_paths(
     if not set(codes) <= default_codes():
         cache = None  # what is found depends on more than the file
     errors: list[ScanError] = []
-    files = list(
-        find_files(
-            [os.fspath(path) for path in paths],
-            respect_gitignore=respect_gitignore,
-            excludes=excludes,
-            on_error=errors.append,
-        )
+    found = find_files(
+        [os.fspath(path) for path in paths],
+        respect_gitignore=respect_gitignore,
+        excludes=excludes,
+        on_error=errors.append,
     )
+    options = _Options(codes, gate, cache is not None, fix_style, python)
+    known = frozenset[bytes]() if cache is None else _load(cache)
+    files = list(islice(found, _PARALLEL_FROM))
+    workers = None
+    if jobs != 1 and len(files) == _PARALLEL_FROM and not known and dask_scheduler is None:
+        workers = _Workers(jobs)  # they start while the rest is found
+    files += found
     findings: list[Finding] = []
     new: set[bytes] = set()
-    options = _Options(codes, gate, cache is not None, fix_style, python)
     done = 0
-    known = frozenset[bytes]() if cache is None else _load(cache)
-    for batch in _scan_all(files, jobs, options, known, dask_scheduler):
+    for batch in _scan_all(files, jobs, options, known, dask_scheduler, workers):
         done += batch.files
         progress(done, len(files))
         findings += batch.findings
@@ -234,9 +240,12 @@ def _scan_all(
     options: _Options,
     known: frozenset[bytes],
     dask_scheduler: str | None,
+    workers: "_Workers | None",
 ) -> Iterator[_Batch]:
+    least = _BATCH
     if known:
-        # Here, before any worker is started: to read and digest a file is less than to send it.
+        # Here, before any worker is started: to read and search a file is less than to send it.
+        least = 1  # what is left takes long
         left: list[SourceFile] = []
         for start in range(0, len(files), _BATCH):
             batch = files[start : start + _BATCH]
@@ -244,27 +253,49 @@ def _scan_all(
             left += unknown
             yield _Batch(files=len(batch) - len(unknown))
         files = left
-    size = max(_BATCH, len(files) // 64)
+    size = max(least, len(files) // 64)
     batches = [files[start : start + size] for start in range(0, len(files), size)]
     if dask_scheduler is None and (jobs == 1 or len(files) < _PARALLEL_FROM):
         yield from (_scan_batch(batch, options) for batch in batches)
         return
+    if dask_scheduler is None:
+        yield from (workers or _Workers(jobs)).scan(batches, options)
+        return
     import joblib
 
     from ransac_fix.scan.rules import default_codes
-    from ransac_fix.workers import workers
+    from ransac_fix.workers import workers as dask_workers
 
-    with workers(dask_scheduler):
-        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        if dask_scheduler is None:
-            yield from parallel(joblib.delayed(_scan_batch)(batch, options) for batch in batches)
-            return
+    with dask_workers(dask_scheduler):
         if not set(options.codes) <= default_codes():
             raise RansacFixError("RFX101 asks about this environment: leave it or --dask out")
         options = replace(options, remember=False)
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         yield from parallel(
             joblib.delayed(_scan_sent)(_read_batch(batch, options), options) for batch in batches
         )
+
+
+class _Workers:
+    """Worker processes, which start and load the scanner while other things are done here."""
+
+    def __init__(self, jobs: int) -> None:
+        import joblib
+
+        self._parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        number = joblib.effective_n_jobs(jobs)
+        self._starting = self._parallel(joblib.delayed(_load_scanner)() for _ in range(number))
+
+    def scan(self, batches: Sequence[Sequence[SourceFile]], options: _Options) -> Iterator[_Batch]:
+        """Scan batches of files; what comes first is given first."""
+        import joblib
+
+        deque(self._starting, maxlen=0)
+        yield from self._parallel(joblib.delayed(_scan_batch)(batch, options) for batch in batches)
+
+
+def _load_scanner() -> None:
+    import_module("ransac_fix.scan.scanner")
 
 
 @dataclass(frozen=True, slots=True)
