@@ -164,11 +164,10 @@ def _settled(draw: Draw, checked: bool) -> Draw:
 
 
 def _is_remainder(expr: Op) -> bool:
-    """Whether an expression reads ``rand() % n``."""
-    match expr:
-        case Op(op="mod", args=(Call(name=name), _)):
-            return name in _RANDOM_IN_C
-    return False
+    """Whether an expression reads ``rand() % n``, or ``(rand() * RAND_MAX + rand()) % n``."""
+    return expr.op == "mod" and any(
+        isinstance(inner, Call) and inner.name in _RANDOM_IN_C for inner in inside(expr.args[0])
+    )
 
 
 def _is_shrinking(remainder: Op, body: tuple[Stmt, ...]) -> bool:

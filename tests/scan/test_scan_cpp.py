@@ -342,6 +342,10 @@ def test_no_source_crashes_it(data):
 
 DRAWS = {
     "unchecked": ("sample.push_back(rand() % n);", "RFX003"),
+    "unchecked, of a large range": (
+        "sample.push_back((rand() * RAND_MAX + rand()) % n);",
+        "RFX003",
+    ),
     "unchecked, by a call": ("sample.push_back(RandomInt(0, n - 1));", "RFX003"),
     "unchecked, by a distribution": (
         "std::uniform_int_distribution<int> dice(0, n - 1); sample.push_back(dice(engine));",
