@@ -3,9 +3,10 @@
     python benchmarks/scan_corpus.py CORPUS.tsv MIRROR [--folds 5]
 
 CORPUS.tsv has the columns repo, commit, path, line_start, line_end, language, label, form, note,
-and perhaps ``set``; ``benchmarks/scan_fresh.tsv`` is one, of sites that the recogniser was not
-written against: ``open`` sites were found and read first and what was missed in them then mended,
-``held-out`` ones were read after that and nothing was changed for them.
+and perhaps ``set``; ``benchmarks/scan_fresh.tsv`` and ``benchmarks/scan_blind.tsv`` are two, of
+sites that the recogniser was not written against: ``open`` sites were read first and what was
+missed in them then mended, ``held-out`` ones were read after that. The sites of the second were
+labelled before any scan of them.
 MIRROR holds one git directory a repository, ``owner+name/repo`` (bare or with ``.git``).
 
 Labels: ``approx`` a rule with the power, ``exact`` one with the product, ``fixed`` RANSAC code
