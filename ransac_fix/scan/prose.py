@@ -6,13 +6,13 @@ the language around it, a fraction on three lines), and its algebra says what it
 """
 
 import ast
-import io
 import re
-import tokenize
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
-from ransac_fix.scan import evaluate, python
+from ransac_fix.scan import evaluate, python, triage
 from ransac_fix.scan.form import Span
 from ransac_fix.scan.reading import Text, roles_of
 from ransac_fix.scan.recogniser import recognise
@@ -110,26 +110,30 @@ def _states_something(text: str) -> bool:
     return bool(_STATED.search(text) or _POWERED.search(text))
 
 
-def python_prose(source: str) -> Iterator[Prose]:
-    """Yield the docstrings and comments of a Python module, as far as it can be read."""
+def python_prose(source: str, tree: ast.Module) -> Iterator[Prose]:
+    """Yield the docstrings of a Python module and other strings that stand alone, then comments."""
+    lines = python.split_lines(source)
+    left: list[ast.AST] = [tree]
+    found: list[Prose] = []
+    while left:
+        for node in ast.iter_child_nodes(left.pop()):
+            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+                if isinstance(node.value.value, str):
+                    span = _span_of(node.value, lines)
+                    block = lines[span.line - 1 : span.end_line]
+                    block[-1] = block[-1][: span.end_column]
+                    block[0] = block[0][span.column :]
+                    found.append(Prose("\n".join(block), span))
+            elif isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):
+                left.append(node)
+    yield from sorted(found, key=lambda one: one.span)
     comments: list[Comment] = []
-    try:
-        fresh = True  # at the start of a statement
-        held: tokenize.TokenInfo | None = None
-        for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT:
-                comments.append(Comment(token.string, _span(token.start, token.end)))
-            elif token.type == tokenize.STRING and fresh:
-                held, fresh = token, False
-            elif token.type == tokenize.NEWLINE:
-                if held is not None:
-                    yield Prose(held.string, _span(held.start, held.end))
-                held, fresh = None, True
-            elif token.type not in (tokenize.NL, tokenize.INDENT, tokenize.DEDENT):
-                held, fresh = None, False
-    except (tokenize.TokenError, SyntaxError):
-        pass
-    yield from blocks(comments, python.split_lines(source))
+    starts = list(accumulate((len(line) + 1 for line in lines), initial=0))
+    for offset, comment in triage.comments("\n".join(lines)):
+        line = bisect_right(starts, offset)
+        column = offset - starts[line - 1]
+        comments.append(Comment(comment, Span(line, column, line, column + len(comment))))
+    yield from blocks(comments, lines)
 
 
 def blocks(comments: Iterable[Comment], lines: Sequence[str]) -> Iterator[Prose]:
@@ -161,6 +165,21 @@ def _joined(block: Sequence[Comment], lines: Sequence[str]) -> Prose:
     head, tail = lines[first.line - 1][first.column :], lines[last.end_line - 1][: last.end_column]
     text = "\n".join((head, *between, tail))
     return Prose(text, Span(first.line, first.column, last.end_line, last.end_column))
+
+
+def _span_of(node: ast.expr, lines: Sequence[str]) -> Span:
+    """Give the place of an expression, by characters and not by bytes as ``ast`` has it."""
+
+    def characters(line: int, column: int) -> int:
+        return len(lines[line - 1].encode()[:column].decode("utf-8", "replace"))
+
+    end = node.end_lineno or node.lineno
+    return Span(
+        node.lineno,
+        characters(node.lineno, node.col_offset),
+        end,
+        characters(end, node.end_col_offset or 0),
+    )
 
 
 def _span(start: tuple[int, int], end: tuple[int, int]) -> Span:

@@ -248,7 +248,7 @@ def _scan_python(
         comments=comments,
         language="python 2" if repaired else "python",
         settings=settings,
-        prose=tuple(python_prose(source)) if stated else (),
+        prose=tuple(python_prose(source, tree)) if stated else (),
     )
     if findings and not repaired:
         of_code = {one.code for one in rules if one.about_code}
@@ -420,7 +420,8 @@ def _scan_notebook(
     errors = tuple(
         _error(file, f"code cell {number} cannot be read: {why}") for number, why in notebook.unread
     )
-    module = python.parse(notebook.source)
+    tree = python.tree(notebook.source)
+    module = python.read(tree, notebook.source)
     comments = tuple(python_comments(notebook.source))
     text = Text(notebook.source, [line.cell for line in notebook.lines])
     stated = _may_be_stated(notebook.source, notebook.source, rules)
@@ -432,7 +433,7 @@ def _scan_notebook(
         comments=comments,
         language="notebook",
         settings=settings,
-        prose=tuple(python_prose(notebook.source)) if stated else (),
+        prose=tuple(python_prose(notebook.source, tree)) if stated else (),
     )
     return tuple(_in_notebook(finding, notebook) for finding in findings), errors
 

@@ -1,5 +1,6 @@
 """Formulas in comments and docstrings: which are read, and what a note does."""
 
+import ast
 import json
 from pathlib import Path
 from xml.etree import ElementTree
@@ -88,7 +89,7 @@ def f(a):
     "five"
     return a
 '''
-    found = [prose.text for prose in python_prose(source)]
+    found = [prose.text for prose in python_prose(source, ast.parse(source))]
     assert found == [
         '"""Module."""',
         'r"""Function."""',
