@@ -36,7 +36,8 @@ Cameras have a focal length of 1000 pixels and their centre at (512, 512). They 
 ``translation_direction``. Any floor on the number of trials must be 0 and any multiplier 1. The
 same seed must give the same samples, whatever the other arguments.
 A function without a seed is measured too: by its trials where it returns them, and by the
-outcomes of some thousand runs where it does not.
+outcomes of some thousand runs where it does not. So is one that takes no ``max_trials``: any limit
+of its own must be 1000 or more.
 """
 
 from collections.abc import Callable

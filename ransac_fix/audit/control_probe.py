@@ -80,6 +80,8 @@ class _Preferring:
 _PREFERRED = 0.75
 # Trials of a run where thousands are needed.
 _BRIEF = 30
+# What ends runs of controls that take no number of trials.
+_OWN_LIMIT = 2000
 # Pixels; the planted points are farther apart.
 _APART = 1.0
 
@@ -110,7 +112,7 @@ def entry_point(law: KnownLaw) -> EntryPoint:
             kept = planted, seed, recording
         result = kept[2].run(
             confidence=settings.confidence,
-            max_trials=settings.max_trials,
+            max_trials=settings.max_trials if law.budget else _OWN_LIMIT,
             stopping_rule=lambda n_inliers, n, k, s: (
                 _factor(law, planted)
                 * law.required_trials(n_inliers, n, k, s, _strata(planted, n_inliers))
@@ -132,6 +134,7 @@ def entry_point(law: KnownLaw) -> EntryPoint:
         n_strata=law.n_strata,
         repeatable=not law.outcomes_only,
         typical_trials=_BRIEF if law.outcomes_only else 80,
+        budget=law.budget,
     )
 
 

@@ -85,6 +85,8 @@ class KnownLaw:
     outcomes_only : bool
         Whether its runs can be neither repeated nor counted, so that only what many of them
         return shows the rule.
+    budget : bool
+        Whether it takes a number of trials; else only outcomes show the rule, too.
     quirk : str or None
         What the program does besides: a defect that must be named, ``"filter"`` for a sampler
         that redraws odd samples without counting a trial, ``"score"`` for a rule that takes a
@@ -107,6 +109,7 @@ class KnownLaw:
     n_strata: int = 1
     quota: tuple[int, ...] = ()
     outcomes_only: bool = False
+    budget: bool = True
     quirk: Quirk | None = None
 
     @property
@@ -216,7 +219,17 @@ CONTROLS = (
 
 # The law that an audit proves itself on where it has to go by outcomes, and one that fewer runs
 # tell from those of other verdicts: it is to be told from the exact one, too.
-OUTCOME_CONTROLS = (KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),)
+OUTCOME_CONTROLS = (
+    KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),
+    KnownLaw(
+        "wrong exponent, without a budget",
+        "approximate",
+        exponent=1,
+        rounding="floor",
+        outcomes_only=True,
+        budget=False,
+    ),
+)
 QUICK_OUTCOME_CONTROLS = (
     KnownLaw(
         "exact in I+1, by outcomes",
@@ -334,7 +347,7 @@ ZOO = (
 # Those that can be told by outcomes; a rule that is off by a trial or rounds otherwise is one of
 # its class there, and the few of "overflow" and "first model" end before anything is in hand, or
 # then.
-OUTCOME_ZOO = tuple(
+_BY_OUTCOMES = tuple(
     replace(law, name=f"{law.name}, by outcomes", outcomes_only=True)
     for law in ZOO
     if not law.counted
@@ -342,4 +355,17 @@ OUTCOME_ZOO = tuple(
     and law.n_strata == 1
     and law.drawn != "not uniform"
     and law.quirk not in ("first model", "first consensus", "overflow")
+)
+# Without a budget too, those that end with one trial at the lowest confidence: duplicates do not
+# show there, and where I-1 of k counts a run goes on.
+OUTCOME_ZOO = (
+    *_BY_OUTCOMES,
+    *(
+        replace(law, name=f"{law.name}, no budget", budget=False)
+        for law in _BY_OUTCOMES
+        if law.phi <= 1
+        and law.drawn == "distinct"
+        and law.inlier_offset >= 0
+        and law.quirk not in ("filter", "confidence ignored", "no rule")
+    ),
 )

@@ -11,7 +11,11 @@ from typing import Any, Protocol
 
 from ransac_fix.audit.model import SamplerLaw
 from ransac_fix.audit.sampling import drawing_of
-from ransac_fix.audit.worker.streams import LARGEST_CONFIDENCE, confidence_of
+from ransac_fix.audit.worker.streams import (
+    LARGEST_CONFIDENCE,
+    SMALLEST_CONFIDENCE,
+    confidence_of,
+)
 
 # Problems of the same numbers, and runs on each: few, and where these differ many.
 _PROBLEMS, _FEW, _MANY = 16, 25, 75
@@ -61,6 +65,8 @@ def goes_by_the_data(
     case = [n, size, groups]
     by_rule = [*case, math.ceil(_LAST / chance), confidence_of(_U)]
     by_budget = [*case, max(1, round(1.3 / chance)), LARGEST_CONFIDENCE]
+    if not one["budget"]:
+        by_budget = [*case, 1, SMALLEST_CONFIDENCE]
     looks = _Looks(host, one["name"], seed)
     if looks.apart(by_rule, _FEW) < _NEAR:
         return False, looks.runs

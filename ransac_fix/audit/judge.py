@@ -174,7 +174,7 @@ def advise(
     at_defaults : AtDefaults or None
         What binds.
     max_trials_name : str
-        How the library spells its cap.
+        How the library spells its cap; empty where it cannot be set.
     fixed_in : str or None
         First newer release that does not undersample.
     """
@@ -200,10 +200,13 @@ def _limits(at_defaults: AtDefaults, max_trials_name: str) -> list[str]:
         )
     elif short:
         worst = max(short, key=lambda row: row.exact_trials or 0)
+        needed = f"{max_trials_name}={worst.exact_trials}"
+        if not max_trials_name:
+            needed = f"{worst.exact_trials:,}, and it cannot be set,"
         parts.append(
             f"The default cap of {at_defaults.max_trials:,} trials matters more than the rule on "
-            f"hard problems: {worst.n_inliers} of {worst.n} need "
-            f"{max_trials_name}={worst.exact_trials} for s={worst.confidence:g}."
+            f"hard problems: {worst.n_inliers} of {worst.n} need {needed} for "
+            f"s={worst.confidence:g}."
         )
     if any(row.binds == "minimum" for row in at_defaults.guarantees):
         parts.append(

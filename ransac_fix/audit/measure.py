@@ -47,6 +47,10 @@ _ENDINGS = 6
 _MOST_ENDINGS = 60
 _ENDING_SECONDS = 20.0
 _ENDED_EARLY = {streams.TOO_SHORT, streams.FIXED_COUNT}
+# Why a function that takes no number of trials cannot be measured.
+_LIMITED = (
+    "takes no number of trials, and ends runs by a limit of its own on problems of a few hundred"
+)
 # Trials that a healthy rule may take for one of them.
 _LONGEST_ENDING = 600
 
@@ -112,10 +116,10 @@ def measure(
     -------
     Measurement
     """
-    sampler, runs = sampler_law(host, one, seed)
+    sampler, runs = sampler_law(host, one, seed, once=not one["budget"])
     sampler, more = _with_filter(host, one, sampler, seed)
     runs += more
-    if not one["repeatable"] and not one["counted"]:
+    if not one["budget"] or not (one["repeatable"] or one["counted"]):
         return _by_outcomes(host, one, sampler, runs, seed, verdict_only)
     points: list[Point] = []
     discarded: dict[str, int] = {}
@@ -217,10 +221,16 @@ def _by_outcomes(
     unmeasured = _not_by_outcomes(one, sampler)
     if unmeasured:
         return Measurement(sampler, (), laws.Fit(None), runs, {}, unmeasured=unmeasured)
-    by_the_data, more = goes_by_the_data(host, one, sampler, seed + 50_000)
-    runs += more
-    if by_the_data:
-        return Measurement(sampler, (), laws.Fit(None), runs, {}, ("beyond counts",))
+    if not one["budget"]:
+        limited, more = outcomes.is_limited(host, one, sampler, seed + 50_000)
+        runs += more
+        if limited:
+            return Measurement(sampler, (), laws.Fit(None), runs, {}, unmeasured=_LIMITED)
+    if not one["repeatable"]:
+        by_the_data, more = goes_by_the_data(host, one, sampler, seed + 50_000)
+        runs += more
+        if by_the_data:
+            return Measurement(sampler, (), laws.Fit(None), runs, {}, ("beyond counts",))
     decision = outcomes.decide(host, one, sampler, seed + 30_000, verdict_only=verdict_only)
     defects: tuple[Defect, ...] = () if decision.defect is None else (decision.defect,)
     return Measurement(
@@ -234,9 +244,14 @@ def _not_by_outcomes(one: dict[str, Any], sampler: SamplerLaw) -> str:
     The laws give the chance of an outcome from that of a trial, which must be known but for a
     common factor.
     """
+    why = (
+        "runs can be neither repeated nor counted"
+        if one["budget"]
+        else "it takes no number of trials"
+    )
     if one["verifying"]:
         return (
-            f"runs can be neither repeated nor counted, and outcomes do not show the rule: "
+            f"{why}, and outcomes do not show the rule: "
             f"{one['verifying']} of the {one['sample_size']} of a sample only choose among the "
             "models of the others, so that models come from samples with clutter, too"
         )
@@ -247,8 +262,7 @@ def _not_by_outcomes(one: dict[str, Any], sampler: SamplerLaw) -> str:
         )
     if sampler.drawn not in ("distinct", "replacement"):
         return (
-            "runs can be neither repeated nor counted, and outcomes show the rule of uniform "
-            f"samples only; these are {sampler.drawn}"
+            f"{why}, and outcomes show the rule of uniform samples only; these are {sampler.drawn}"
             f"{f': {sampler.strayed}' if sampler.strayed else ''}"
         )
     return ""
@@ -367,7 +381,8 @@ def _with_filter(
     problem = f"{one['problem']}_scattered"
     uniform = sampler.drawn in ("distinct", "replacement")
     # Draws that were watched are made before there is anything to reject.
-    if problem not in PROBLEMS or not uniform or one["watched"] or one["n_strata"] > 1:
+    unseen = one["watched"] or not one["budget"]
+    if problem not in PROBLEMS or not uniform or unseen or one["n_strata"] > 1:
         return sampler, 0
     cases = plan.filter_cases(
         sampler.sample_size, _FILTER_RUNS, spare=one["spare"], fewest=one["fewest_samples"]

@@ -33,6 +33,8 @@ _NEIGHBOURS = 3
 _ALIKE = 9.0
 # Twice the log-likelihood below its maximum: chi-squared with one degree of freedom.
 _INTERVAL_99 = 6.635
+# Chance at most.
+_ALL = 0.98
 _FACTORS: Array = np.exp(np.arange(-1.2, 1.21, 0.02))
 
 
@@ -44,13 +46,15 @@ class Counts:
     ----------
     p : ndarray
         Chance that a run that returned A or B returned A: by share found, shape (found,), or by
-        law, share found and shift, shape (laws, found, phi).
+        law, share found and shift, shape (laws, found, phi). With `found` set, the chance that a
+        run returned A or B at all.
     """
 
     p: Array
     larger: int = 0
     smaller: int = 0
     neither: int = 0
+    found: bool = False
 
     @property
     def runs(self) -> int:
@@ -58,8 +62,11 @@ class Counts:
         return self.larger + self.smaller + self.neither
 
     def log_likelihood(self) -> Array:
-        """Return that of the runs that returned A or B, in the shape of `p`."""
-        return np.asarray(self.smaller * np.log(self.p) + self.larger * np.log1p(-self.p))
+        """Return that of the runs that returned A or B, or with `found` set of all, as `p` is."""
+        one, other = self.smaller, self.larger
+        if self.found:
+            one, other = self.smaller + self.larger, self.neither
+        return np.asarray(one * np.log(self.p) + other * np.log1p(-self.p))
 
 
 class Evidence:
@@ -71,11 +78,17 @@ class Evidence:
         Those that are tried.
     sample_size : int
         Inliers of a model that is no more than its sample.
+    budget : bool, default True
+        Whether runs can be given a number of trials. Otherwise runs of one trial show the share
+        found, by how many find a group at all.
     """
 
-    def __init__(self, laws: Sequence[Hypothesis], sample_size: int) -> None:
+    def __init__(
+        self, laws: Sequence[Hypothesis], sample_size: int, *, budget: bool = True
+    ) -> None:
         self.laws = laws
         self.sample_size = sample_size
+        self.budget = budget
         # Runs that only their budget ended, and those that a rule ended, by u.
         self.calibrations: dict[Problem, Counts] = {}
         self.cells: dict[Problem, dict[float, Counts]] = {}
@@ -86,7 +99,10 @@ class Evidence:
         return sum(one.runs for one in (*self.calibrations.values(), *cells))
 
     def calibration(self, problem: Problem) -> Counts:
-        """Return the runs with a fixed budget on this problem."""
+        """Return the runs with a fixed budget on this problem, or with one trial."""
+        if problem not in self.calibrations and not self.budget:
+            p = np.minimum((problem.smaller + problem.larger) * FOUND, _ALL)
+            self.calibrations[problem] = Counts(p, found=True)
         if problem not in self.calibrations:
             budget = np.array([float(problem.fixed)])
             p = chance_of_smaller(problem, budget, budget, FOUND, "every trial")[:, 0]

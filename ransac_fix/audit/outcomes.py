@@ -46,7 +46,11 @@ from ransac_fix.audit.outcome_laws import (
     trials_of,
 )
 from ransac_fix.audit.sampling import ERROR_RATE
-from ransac_fix.audit.worker.streams import LARGEST_CONFIDENCE, confidence_of
+from ransac_fix.audit.worker.streams import (
+    LARGEST_CONFIDENCE,
+    SMALLEST_CONFIDENCE,
+    confidence_of,
+)
 
 _DECIDED = -math.log(ERROR_RATE)
 _U: Array = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0])
@@ -64,6 +68,9 @@ _NEW = 4.0
 # Information, in nats a run, below which two laws cannot be told apart.
 _NO_INFORMATION = 0.012
 _FEWEST_TRIALS = 6
+# Runs at the highest confidence, and how many of them may miss the larger model; each misses it
+# once in 2000 times within the budget.
+_LIMIT_RUNS, _LIMIT_MISSES = 200, 3
 # Nats by which a law must be likelier than chances that follow none, to be named.
 _LIKELIER = math.log(100)
 
@@ -213,7 +220,7 @@ def decide(
     """
     started = clock()
     laws = hypotheses(one["sample_size"], sampler.drawn)
-    evidence = Evidence(laws, sampler.sample_size)
+    evidence = Evidence(laws, sampler.sample_size, budget=one["budget"])
     choices = problems(sampler, one["typical_trials"], one["spare"], one["fewest_samples"])
     planner = _Planner(choices, sampler.sample_size)
     runs, best, settled = 0, 0, math.inf
@@ -258,6 +265,30 @@ def decide(
     return _decision(evidence, runs)
 
 
+def is_limited(
+    host: Asked, one: dict[str, Any], sampler: SamplerLaw, seed: int
+) -> tuple[bool, int]:
+    """Whether a function that takes no number of trials has a limit that ends runs here.
+
+    Parameters
+    ----------
+    host, one, sampler, seed
+        As in `decide`.
+
+    Returns
+    -------
+    tuple of (bool, int)
+        And the runs made.
+    """
+    choices = problems(sampler, one["typical_trials"], one["spare"], one["fewest_samples"])
+    longest = max(choices, key=lambda problem: problem.budget)
+    shape = [longest.n, longest.group_size, longest.n_groups, longest.budget]
+    case = [*shape, LARGEST_CONFIDENCE, _LIMIT_RUNS]
+    answer = host.ask("outcomes", entry_point=one["name"], cases=[case], seed=seed)
+    ((larger, _, _),) = answer["counts"]
+    return _LIMIT_RUNS - larger > _LIMIT_MISSES, answer["runs"]
+
+
 def _verdict(one: Hypothesis, sampler: SamplerLaw) -> tuple[object, ...]:
     """Return what the verdict, and the words for it, depend on."""
     law = one.law
@@ -270,14 +301,19 @@ def _ask(host: Asked, name: str, evidence: Evidence, problem: Problem, u: float,
     batch = max(_BATCH, evidence.runs() // _BATCH_SHARE)
     wanted = batch + sum(other.runs for other in evidence.cells[problem].values())
     # Where the share found is the same in all problems, all of these runs measure it.
-    due = max(0, (wanted // 2 if evidence.alike() else wanted) - calibration.runs)
+    share = 0.5 if evidence.alike() else 1.0
+    limit, highest = problem.fixed, LARGEST_CONFIDENCE
+    if not evidence.budget:
+        # Runs of one trial seldom find a group, and take no time.
+        share, limit, highest = 4 * share, 1, SMALLEST_CONFIDENCE
+    due = max(0, round(share * wanted) - calibration.runs)
     shape = [problem.n, problem.group_size, problem.n_groups]
     answer = host.ask(
         "outcomes",
         entry_point=name,
         cases=[
             [*shape, problem.budget, confidence_of(u), batch],
-            [*shape, problem.fixed, LARGEST_CONFIDENCE, due],
+            [*shape, limit, highest, due],
         ],
         seed=seed,
     )
@@ -341,13 +377,14 @@ def _counts(evidence: Evidence, law: Hypothesis | None) -> Iterator[OutcomeCount
         return round(float(evidence.chances(one, problem, u, found)[0, 1]), 4)
 
     def count(problem: Problem, u: float | None, counts: Counts) -> OutcomeCount:
-        fixed = np.array([float(problem.fixed)])
+        limit = problem.fixed if evidence.budget else 1
+        fixed = np.array([float(limit)])
         return OutcomeCount(
             n=problem.n,
             n_inliers=problem.group_size,
             n_groups=problem.n_groups,
             confidence=None if u is None else confidence_of(u),
-            max_trials=problem.fixed if u is None else problem.budget,
+            max_trials=limit if u is None else problem.budget,
             smaller=counts.smaller,
             larger=counts.larger,
             neither=counts.neither,

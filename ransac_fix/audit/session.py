@@ -427,6 +427,9 @@ def _audit_entry_point(
     wrapped: bool,
 ) -> Verdict:
     started = time.monotonic()
+    if wrapped and not one["budget"]:
+        why = "it takes no number of trials, so that those that it leaves out cannot be counted"
+        return Verdict(system, one["name"], version, "not measured", why)
     if wrapped:
         sampler, runs = sampler_law(host, one, SEED)
         counts, more = count_trials(host, one, sampler, SEED + 7000)
@@ -454,7 +457,7 @@ def _audit_entry_point(
     declared = one["defaults"]
     if declared is not None and (measured.points or measured.outcomes or measured.defects):
         checked = None
-        if one["repeatable"] or one["counted"]:
+        if one["budget"] and (one["repeatable"] or one["counted"]):
             checked, more = _check_defaults(host, one, declared, measured)
             runs += more
         problems = [

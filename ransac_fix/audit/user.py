@@ -13,6 +13,7 @@ from ransac_fix.errors import RansacFixError
 
 # Runs that are repeated, on so many problems: by chance all agree once in 10^8 times.
 _PROBLEMS, _REPEATS = 3, 10
+_LOW = 0.1
 # The minimal samples of the planted problems.
 SAMPLE_SIZES = {
     "line": 2,
@@ -52,9 +53,9 @@ def entry_point(
     Parameters
     ----------
     function : callable
-        ``function(x, y, *, threshold, max_trials, confidence, seed)``, or one without a seed; it
-        returns the inliers as
-        a boolean mask over the measurements or None, or such a mask and the number of trials.
+        ``function(x, y, *, threshold, max_trials, confidence, seed)``, or one without a seed or
+        without a number of trials; it returns the inliers as a boolean mask over the measurements
+        or None, or such a mask and the number of trials.
     problem : str
         The planted problem it can solve; key of `SAMPLE_SIZES`.
     sample_size : int, optional
@@ -79,16 +80,17 @@ def entry_point(
     qualified = str(getattr(function, "__qualname__", type(function).__name__))
     title = name or qualified.rpartition("<locals>.")[2]
 
-    seeded = _takes_seed(function)
+    seeded, budget = (_takes(function, name) for name in ("seed", "max_trials"))
 
     def run(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         assert settings is not None
         options = {"seed": seed} if seeded else {}
+        if budget:
+            options["max_trials"] = settings.max_trials
         found = function(
             planted.x,
             planted.y,
             threshold=planted.threshold,
-            max_trials=settings.max_trials,
             confidence=settings.confidence,
             **options,
         )
@@ -106,34 +108,41 @@ def entry_point(
         run,
         counted=first.trials is not None,
         seeded=seeded,
-        repeatable=_repeatable(run, problem, k),
+        budget=budget,
+        repeatable=_repeatable(run, problem, k, budget=budget),
         typical_trials=typical_trials,
         spare=spare,
     )
 
 
-def _takes_seed(function: Callable[..., Any]) -> bool:
-    """Whether a function can be given a seed."""
+def _takes(function: Callable[..., Any], name: str) -> bool:
+    """Whether a function has a parameter of this name."""
     try:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         return True
     return any(
-        one.kind is one.VAR_KEYWORD or (one.name == "seed" and one.kind is not one.POSITIONAL_ONLY)
+        one.kind is one.VAR_KEYWORD or (one.name == name and one.kind is not one.POSITIONAL_ONLY)
         for one in parameters
     )
 
 
 def _repeatable(
-    run: Callable[[Planted, Settings | None, int], Outcome], problem: str, sample_size: int
+    run: Callable[[Planted, Settings | None, int], Outcome],
+    problem: str,
+    sample_size: int,
+    *,
+    budget: bool,
 ) -> bool:
     """Whether the same arguments give the same outcome, of trials that hit every second time."""
+    # Without a budget a low confidence ends runs early.
+    confidence = 1 - 2.0**-53 if budget else _LOW
     n = sample_size + 3
     trials = max(1, round(0.7 * math.comb(n, sample_size) / (sample_size + 1)))
     for seed in range(_PROBLEMS):
         planted = plant(problem, n, sample_size + 1, 1, 0, seed)
         groups = {
-            planted.group_of(run(planted, Settings(trials, 1 - 2.0**-53), seed).inliers)
+            planted.group_of(run(planted, Settings(trials, confidence), seed).inliers)
             for _ in range(_REPEATS)
         }
         if len(groups) > 1:

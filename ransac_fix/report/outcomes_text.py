@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 OUTCOMES_LEGEND = (
-    "Where a run can be neither repeated nor counted, many are made: `kept I` is how many of those "
-    "that found one of two models, of I and of I+1 of n measurements, ended with the smaller. The "
-    "columns on the right say how many would by P = (I/n)^k, by P = C(I,k)/C(n,k), and by the law "
-    "found."
+    "Where a run can be neither repeated nor counted, or given no number of trials, many are made: "
+    "`kept I` is how many of those that found one of two models, of I and of I+1 of n "
+    "measurements, ended with the smaller. The columns on the right say how many would by P = "
+    "(I/n)^k, by P = C(I,k)/C(n,k), and by the law found."
 )
 # Rows printed unless all are asked for.
 _ROWS = 4

@@ -107,6 +107,30 @@ def test_a_known_law_is_recognised_by_outcomes(name):
     assert seen == found.outcomes.runs
 
 
+def test_a_law_is_recognised_where_no_number_of_trials_can_be_set():
+    """Runs of one trial are asked for by the lowest confidence."""
+    law = next(law for law in OUTCOME_CONTROLS if not law.budget)
+    point = control_probe.entry_point(law)
+    host = LocalHost(
+        replace(point, run=lambda p, s, seed: point.run(p, replace(s, max_trials=1), seed))
+    )
+    found = measure(host, host.described, 3)
+    assert law.recognised(found), found
+    assert judge(found)[0] == "undersamples"
+
+
+def test_a_limit_of_its_own_on_few_trials_is_noticed():
+    """Without a budget a function may end runs before the rule does: no law is made of that."""
+    law = next(law for law in OUTCOME_CONTROLS if not law.budget)
+    point = replace(control_probe.entry_point(replace(law, budget=True)), budget=False)
+    host = LocalHost(
+        replace(point, run=lambda p, s, seed: point.run(p, replace(s, max_trials=20), seed))
+    )
+    verdict, reason = judge(measure(host, host.described, 3))
+    assert verdict == "not measured"
+    assert "ends runs by a limit of its own" in reason
+
+
 def test_a_rule_that_the_data_change_is_not_taken_for_a_law():
     """A quarter or three times the exact number, mixed, looks like (I/n)^k from afar."""
     law = by_name("data for a count")

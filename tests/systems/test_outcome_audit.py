@@ -42,6 +42,18 @@ def test_magsac_and_gc_ransac_assume_too_much(probe, name):
     assert exact.log_ratio > 13.8
 
 
+@pytest.mark.parametrize("probe", ["opencv"], indirect=True)
+def test_a_function_of_opencv_that_takes_no_number_of_trials(probe):
+    """Its generator is fixed, so that this comes out the same every time."""
+    host, entry_points = probe
+    verdict, reason = judge(found := measure(host, entry_points["estimateAffine3D(RANSAC)"]))
+    assert verdict == "undersamples", reason
+    assert (found.fit.law.assumed, found.fit.law.sample_size) == ("approximate", 4)
+    assert (found.sampler.drawn, found.sampler.sample_size) == ("distinct", 4)
+    exact = next(r for r in found.outcomes.ratios if r.law == "ln(1-s)/ln(1-C(I,4)/C(n,4))")
+    assert exact.log_ratio > 13.8
+
+
 @pytest.mark.parametrize("probe", ["magsac"], indirect=True)
 def test_a_function_that_crashes_is_not_measured(probe):
     host, entry_points = probe

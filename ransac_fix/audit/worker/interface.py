@@ -108,6 +108,9 @@ class EntryPoint:
         How many of a sample only choose among the models that the others give.
     size_seen : bool
         ``run`` raises where a sample does not hold ``sample_size`` measurements.
+    budget : bool
+        Whether ``Settings.max_trials`` has an effect. Otherwise runs of one trial are asked for by
+        the lowest confidence, at which any rule ends a run after its first model.
     n_strata : int
         Strata of the planted problems, such as the cameras of a rig (``Planted.strata``), for a
         function that knows them.
@@ -129,6 +132,7 @@ class EntryPoint:
     spare: int = 1
     verifying: int = 0
     size_seen: bool = False
+    budget: bool = True
     n_strata: int = 1
     draws: Callable[[int, int, int], NDArray[np.int64]] | None = None
 

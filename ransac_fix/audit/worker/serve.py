@@ -151,6 +151,7 @@ def described(one: EntryPoint | Unmeasured) -> dict[str, Any]:
         "spare": one.spare,
         "verifying": one.verifying,
         "size_seen": one.size_seen,
+        "budget": one.budget,
         "n_strata": one.n_strata,
         "watched": one.draws is not None,
         "defaults": None if one.defaults is None else vars(one.defaults),

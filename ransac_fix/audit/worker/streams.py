@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LARGEST_CONFIDENCE = 1 - 2.0**-53
+SMALLEST_CONFIDENCE = 1e-12
 # Above 25 the double that holds s steps by more than 1e-5 in u; below 0.01 the rule says one trial.
 U_RANGE = (0.01, 25.0)
 # A flip is known to this fraction of a trial.
@@ -384,7 +385,9 @@ def hits(entry_point: EntryPoint, request: dict[str, Any]) -> dict[str, Any]:
         if watch:
             out.append(watched.hits(planted, trials))
         else:
-            inliers = Stream(entry_point, planted, seed).run(trials, LARGEST_CONFIDENCE).inliers
+            # Without a budget runs of one trial only are asked for.
+            confidence = LARGEST_CONFIDENCE if entry_point.budget else SMALLEST_CONFIDENCE
+            inliers = Stream(entry_point, planted, seed).run(trials, confidence).inliers
             out.append(_found(planted, inliers))
     return {"hits": out, "runs": watched.runs if watch else len(out)}
 
