@@ -119,7 +119,7 @@ def measure(
     sampler, runs = sampler_law(host, one, seed, once=not one["budget"])
     sampler, more = _with_filter(host, one, sampler, seed)
     runs += more
-    if not one["budget"] or not (one["repeatable"] or one["counted"]):
+    if goes_by_outcomes(one):
         return _by_outcomes(host, one, sampler, runs, seed, verdict_only)
     points: list[Point] = []
     discarded: dict[str, int] = {}
@@ -184,6 +184,17 @@ def measure(
             # First samples that depend on the order are the reason, as with PROSAC.
             defects = ()
     return Measurement(sampler, tuple(points), fit, runs, discarded, defects)
+
+
+def goes_by_outcomes(one: dict[str, Any]) -> bool:
+    """Whether nothing shows the rule of an entry point but what many runs return.
+
+    Parameters
+    ----------
+    one : dict
+        The entry point as described by the worker.
+    """
+    return not one["budget"] or not (one["repeatable"] or one["counted"])
 
 
 def settings_for(

@@ -21,7 +21,14 @@ from ransac_fix.audit.drawing import spread
 from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
 from ransac_fix.audit.judge import advise, judge
-from ransac_fix.audit.measure import SEED, Measurement, measure, sampler_law, settings_for
+from ransac_fix.audit.measure import (
+    SEED,
+    Measurement,
+    goes_by_outcomes,
+    measure,
+    sampler_law,
+    settings_for,
+)
 from ransac_fix.audit.model import (
     SCHEMA_VERSION,
     Control,
@@ -327,7 +334,7 @@ def _kinds(one: dict[str, Any], *, wrapped: bool) -> list[Kind]:
     """Return the kinds of control that the measurement of an entry point rests on."""
     kinds: list[Kind] = ["strata"] if one["n_strata"] > 1 else []
     # The trials of wrapped functions are counted.
-    if not one["repeatable"] and not one["counted"] and not wrapped:
+    if goes_by_outcomes(one) and not wrapped:
         kinds.append("outcomes")
     return kinds
 
@@ -457,7 +464,7 @@ def _audit_entry_point(
     declared = one["defaults"]
     if declared is not None and (measured.points or measured.outcomes or measured.defects):
         checked = None
-        if one["budget"] and (one["repeatable"] or one["counted"]):
+        if not goes_by_outcomes(one):
             checked, more = _check_defaults(host, one, declared, measured)
             runs += more
         problems = [

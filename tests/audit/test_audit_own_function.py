@@ -69,6 +69,20 @@ def test_another_verdict_can_be_expected():
     assert_stopping_rule(line_ransac(approximate), problem="line", expected="undersamples")
 
 
+def test_a_function_without_a_number_of_trials_is_measured_by_outcomes():
+    """With the ratio itself in place of its square few runs tell it from every other law."""
+    ransac = line_ransac(lambda n_inliers, n: n_inliers / n)
+
+    def without_budget(x, y, *, threshold, confidence, seed):
+        return ransac(x, y, threshold=threshold, max_trials=3000, confidence=confidence, seed=seed)
+
+    found = measure_stopping_rule(without_budget, problem="line")
+    assert found.verdict == "undersamples"
+    assert (found.stopping_law.assumed, found.stopping_law.sample_size) == ("approximate", 1)
+    assert found.outcomes is not None
+    assert found.points == ()
+
+
 def unseeded(ransac):
     """A function that takes no seed, and draws as fresh as the clock."""
     fresh = np.random.default_rng(7)
