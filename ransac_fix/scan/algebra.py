@@ -521,13 +521,13 @@ def offset_of(expr: Expr) -> tuple[str, float] | None:
     """Read ``x - 2`` as (key of x, -2)."""
     constant = 0.0
     others: list[str] = []
-    for reading in islice(readings(expr), 1):
-        for sign, term in terms(reading):
-            value = number(term)
-            if value is not None:
-                constant += sign * value
-            else:
-                others.append(f"{sign}{key(term)}")
+    # A count that may be one of several is one unknown: the same one in I and in I - 1.
+    for sign, term in terms(expr):
+        value = number(term)
+        if value is not None:
+            constant += sign * value
+        else:
+            others.append(f"{sign}{key(term)}")
     if not others:
         return None
     return "+".join(sorted(others)), constant

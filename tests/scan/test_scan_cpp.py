@@ -258,6 +258,25 @@ double ransac_trials(int I, int n, int k, double s) {
   return log(1 - s) / log(1 - p);
 }
 """,
+    "binomial coefficients": """
+unsigned ransac_trials(unsigned I, unsigned n, unsigned k, double s) {
+  unsigned good = boost::math::binomial_coefficient<double>(I, k);
+  unsigned all = boost::math::binomial_coefficient<double>(n, k);
+  return ceil(log(1 - s) / log(1 - double(good) / double(all)));
+}
+""",
+    "written out, of a count that is one of several": """
+double ransac(int n, double s) {
+  int best = 0; double N = 1000;
+  for (int t = 0; t < N; ++t) {
+    int count = evaluate(t);
+    if (count > best) best = count;
+    double q = (double)best / n * ((double)(best - 1) / (n - 1)) * ((double)(best - 2) / (n - 2));
+    N = log(1 - s) / log(1 - q);
+  }
+  return N;
+}
+""",
     "lgamma": """
 double ransac(int I, int n, int k, double s) {
   return log(1-s) / log(1 - exp(lgamma(I+1) - lgamma(I-k+1) - lgamma(n+1) + lgamma(n-k+1)));
