@@ -267,7 +267,8 @@ def _evidence_of(release: Json) -> Iterator[str]:
         )
     if outcomes:
         yield from (
-            f"{of_release} Where runs can be neither repeated nor counted, many were made:",
+            f"{of_release} Where runs can be neither repeated nor counted, or given no number of",
+            "trials, many were made:",
             "`kept I` is the share of those that found one of two models, of I and of I+1 of n",
             "measurements, that ended with the smaller; beside it what P = (I/n)^k, the exact P",
             "and the law found predict.",
