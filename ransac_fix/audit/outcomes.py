@@ -212,7 +212,8 @@ def decide(
     clock : callable, optional
         Seconds, for the limit on time.
     verdict_only : bool, default False
-        End once all laws left mean the same verdict, without telling these apart.
+        End once all laws left mean the same verdict and are 10^6 times as likely as none, without
+        telling them apart.
 
     Returns
     -------
@@ -227,13 +228,12 @@ def decide(
     verdicts = [_verdict(law, sampler) for law in laws]
     # The first runs tell the exact law from the approximate one.
     wanted = [(laws[1], _DECIDED)]
-
-    def enough() -> float:
-        # Once all laws left mean the same verdict, half as many runs again, and some at any
-        # rate, go into telling them apart.
-        return settled if verdict_only else max(_ENOUGH_RUNS, _AGAIN * settled)
-
-    while runs < min(_MOST_RUNS, enough()) and clock() - started < _MOST_SECONDS:
+    # Once all laws left mean the same verdict, half as many runs again, and some at any rate, go
+    # into telling them apart.
+    while (
+        runs < min(_MOST_RUNS, max(_ENOUGH_RUNS, _AGAIN * settled))
+        and clock() - started < _MOST_SECONDS
+    ):
         chosen = planner.best(laws[best], wanted, evidence.calibrations)
         if chosen is None and runs:
             # None of them can be told from the likeliest, but perhaps from each other.
@@ -257,7 +257,10 @@ def decide(
         # That a confidence has no effect is said only once no law is left.
         early = bool(others) or unlawful or laws[best].defect is not None
         settled = math.inf if early else min(settled, runs)
-        if free - most[best] > _DECIDED or not (len(alive) or unlawful):
+        # Further runs also show a rule that is none of the laws, but close to one: to go without
+        # them takes as much against that as against another law.
+        told = not len(alive) or (verdict_only and not early)
+        if free - most[best] > _DECIDED or (told and most[best] - free > _DECIDED):
             break
         wanted = [(laws[index], float(missing[index])) for index in others or alive]
         # Where one is left that explains it no better than none does, all others are of use.

@@ -142,17 +142,18 @@ def test_a_rule_that_the_data_change_is_not_taken_for_a_law():
 
 
 # All of them: benchmarks/control_zoo.py --outcomes --quick.
-@pytest.mark.parametrize("name", ["exact in I+1", "wrong exponent"])
-def test_runs_that_end_with_the_verdict_give_that_of_a_full_measurement(monkeypatch, name):
+def test_runs_that_end_with_the_verdict_give_that_of_a_full_measurement(monkeypatch):
     monkeypatch.setattr(outcomes, "_MOST_SECONDS", math.inf)
-    law = by_name(name)
+    law = by_name("exact in I+1")
     host = LocalHost(control_probe.entry_point(law))
     brief, full = (measure(host, host.described, 3, verdict_only=only) for only in (True, False))
     assert law.recognised(brief), brief
     assert judge(brief)[0] == judge(full)[0] == "undersamples"
     assert brief.runs < full.runs
-    # What was not told apart is named, and the full measurement tells more of it apart.
-    assert {full.fit.law, *full.fit.rivals} < {brief.fit.law, *brief.fit.rivals}
+    # What is not told apart is named.
+    assert {full.fit.law, *full.fit.rivals} <= {brief.fit.law, *brief.fit.rivals}
+    # Nor are fewer runs believed unless they speak against no law, too.
+    assert brief.outcomes.no_law < math.log(1e-6)
 
 
 @pytest.mark.parametrize(
