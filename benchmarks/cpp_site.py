@@ -168,6 +168,11 @@ class CppSite:
                     given = list(_commas(value))
                     return f"f{function}({', '.join(self._spell(one, at, depth) for one in given)})"
                 return f"(({self._type(_text(kind))})({self._spell(value, at, depth)}))"
+            case "conditional_expression":
+                fields = ("condition", "consequence", "alternative")
+                options = [node.child_by_field_name(one) for one in fields]
+                test, one, other = (self._spell(part, at, depth) for part in options if part)
+                return f"({test} ? {one} : {other})"
             case "call_expression":
                 return self._call(node, at, depth)
             case "identifier" | "field_expression" | "qualified_identifier":
@@ -191,9 +196,10 @@ class CppSite:
         if name in (HELPER, f"{HELPER}f"):
             self.single |= name.endswith("f")
             return f"{name}({args})"
-        if name not in _MATHEMATICS:
+        mixed = {"max": "fmax", "min": "fmin", "abs": "fabs", "maximum": "fmax", "minimum": "fmin"}
+        if name not in _MATHEMATICS | mixed.keys():
             raise NotAlone(f"{name}()")
-        mixed = {"max": "fmax", "min": "fmin", "abs": "fabs"}
+        self.single |= name in ("logf", "powf", "log10f")
         return f"{mixed.get(name, name)}({args})"
 
     def _type(self, text: str) -> str:

@@ -113,7 +113,7 @@ class Site:
                 return value
             case ast.Name(id=name):
                 return self._name(name, known, line, depth)
-            case ast.BinOp(left=left, op=op, right=right):
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
                 parts = {
                     "a": self._value(left, known, line, depth),
                     "b": self._value(right, known, line, depth),
@@ -183,11 +183,13 @@ def _execute(before: str, finding: Finding, language: str, *, missed: bool) -> s
     (power,) = [edit for edit in calls if "\n" not in edit.content]
     after = apply_edits(before, [power])
     size, s_text = finding.roles.get("sample_size", ""), finding.roles.get("confidence", "")
+    given_count = arguments(power.content)[0]  # a first budget may be for so many inliers
     points: list[tuple[int, int, int, float]] = []
     for n, i, k, s in GRID:
         k = int(size) if size.isdigit() else k
         s = float(s_text) if re.fullmatch(r"[0-9.]+", s_text) else s
-        if i > k:
+        i = int(given_count) if given_count.isdigit() else i
+        if k <= i < n:
             points.append((n, i, k, s))
     worst = [0.0, 0.0]
     single, given = False, ""
@@ -231,7 +233,7 @@ def _cpp_site(source: str, finding: Finding, power: Edit, *, fixed: bool) -> Cpp
     if fixed:
         given = arguments(power.content)
         known = {one: known[one] for one in known if known[one] in ("k", "s")}
-        known |= {given[0]: "I", given[1]: "n"}
+        known |= {given[1]: "n"} if given[0].isdigit() else {given[0]: "I", given[1]: "n"}
         place = _moved(place, power)
     return CppSite(source, place, known)
 
