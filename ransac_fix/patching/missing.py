@@ -198,7 +198,7 @@ def _missing_trials(
     return int(left) if left < _UNLIMITED else _UNLIMITED
 
 
-def approximate_chance(n_inliers: int, n_samples: int, sample_size: int) -> float:
+def _approximate_chance(n_inliers: int, n_samples: int, sample_size: int) -> float:
     """Return the probability that most libraries assume, (I/n)**k."""
     return float((n_inliers / n_samples) ** sample_size)
 
@@ -211,7 +211,7 @@ def raised_confidence(
     *,
     multiplier: float = 1.0,
     sampling: Sampling = "distinct",
-    assumed: Chance = approximate_chance,
+    assumed: Chance = _approximate_chance,
 ) -> float:
     """Return the confidence to ask of the first run.
 
