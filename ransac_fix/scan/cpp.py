@@ -617,6 +617,8 @@ class _Reader:
         if node.type not in ("identifier", "qualified_identifier"):
             return False
         name = self._spelled(node).rpartition(".")[2]
+        if self._locals is not None and name in self._locals:
+            return False  # an entry of T, a vector
         return name in self._types or _SAYS_TYPE.fullmatch(name) is not None
 
     def _call(self, node: Node, span: Span) -> Expr:

@@ -290,6 +290,11 @@ double stop_probability(double m, double n, double d, int k, double candidates) 
 }
 """,
     "a sample of one": "double ransac(double w) { return log(0.01) / log(1 - pow(w, 1.0f)); }",
+    "an entry of a vector": """
+double ransac(const Vector& T, double s, double w, int k) {
+  return log(T(1) - s) / log(T(1) - pow(w, k));
+}
+""",
     "a comment": "// ransac: log(1 - s) / log(1 - pow(w, k))\nint n;",
     "a string": 'const char* ransac = "log(1 - s) / log(1 - pow(w, k))";',
 }
