@@ -112,7 +112,8 @@ def decide(
     low, high = tally.interval(reference)
     return SamplerLaw(
         drawn=decided,
-        sample_size=drawing.sample_size,
+        # The size that fits best says nothing where no law fits.
+        sample_size=sample_size if decided == "not uniform" else drawing.sample_size,
         hits=sum(hit.hit for hit in hits),
         expected=round(tally.expected(best), 2),
         runs=len(hits),
