@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ransac_fix.audit.controls import (
     CONTROLS,
+    NO_BUDGET_CONTROLS,
     OUTCOME_CONTROLS,
     QUICK_OUTCOME_CONTROLS,
     KnownLaw,
@@ -168,7 +169,7 @@ def _strata(planted: Planted, n_inliers: int) -> Strata:
 
 
 def _entry_points(_module: Any) -> list[EntryPoint | Unmeasured]:
-    laws = (*CONTROLS, *OUTCOME_CONTROLS, *QUICK_OUTCOME_CONTROLS)
+    laws = (*CONTROLS, *OUTCOME_CONTROLS, *QUICK_OUTCOME_CONTROLS, *NO_BUDGET_CONTROLS)
     return [entry_point(law) for law in laws]
 
 

@@ -30,9 +30,10 @@ Quirk: TypeAlias = Literal[
     "score",
     "beyond counts",
 ]
-# Controls that every measurement rests on, those of strata, and those by outcomes.
-Kind: TypeAlias = Literal["any", "strata", "outcomes"]
-KINDS: tuple[Kind, ...] = ("any", "strata", "outcomes")
+# Controls that every measurement rests on, those of strata, and those by outcomes, with a number of
+# trials to be set and without.
+Kind: TypeAlias = Literal["any", "strata", "outcomes", "no budget"]
+KINDS: tuple[Kind, ...] = ("any", "strata", "outcomes", "no budget")
 # With these no law is to be found.
 _NAMED_ALONE = (
     "first model",
@@ -218,18 +219,9 @@ CONTROLS = (
 )
 
 # The law that an audit proves itself on where it has to go by outcomes, and one that fewer runs
-# tell from those of other verdicts: it is to be told from the exact one, too.
-OUTCOME_CONTROLS = (
-    KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),
-    KnownLaw(
-        "wrong exponent, without a budget",
-        "approximate",
-        exponent=1,
-        rounding="floor",
-        outcomes_only=True,
-        budget=False,
-    ),
-)
+# tell from those of other verdicts: it is to be told from the exact one, too. Then one for
+# functions that take no number of trials.
+OUTCOME_CONTROLS = (KnownLaw("exact, by outcomes", "distinct", "affine", 3, outcomes_only=True),)
 QUICK_OUTCOME_CONTROLS = (
     KnownLaw(
         "exact in I+1, by outcomes",
@@ -240,6 +232,16 @@ QUICK_OUTCOME_CONTROLS = (
         outcomes_only=True,
     ),
 )
+NO_BUDGET_CONTROLS = (
+    KnownLaw(
+        "wrong exponent, without a budget",
+        "approximate",
+        exponent=1,
+        rounding="floor",
+        outcomes_only=True,
+        budget=False,
+    ),
+)
 
 
 def controls_for(kind: Kind, *, quick: bool = False) -> tuple[KnownLaw, ...]:
@@ -247,14 +249,16 @@ def controls_for(kind: Kind, *, quick: bool = False) -> tuple[KnownLaw, ...]:
 
     Parameters
     ----------
-    kind : {"any", "strata", "outcomes"}
-        What rests on them: every measurement, one of a function that knows of strata, or one that
-        goes by outcomes.
+    kind : {"any", "strata", "outcomes", "no budget"}
+        What rests on them: every measurement, one of a function that knows of strata, one that
+        goes by outcomes, or one that does so and takes no number of trials.
     quick : bool, default False
         Whether few runs matter.
     """
     if kind == "outcomes":
         return QUICK_OUTCOME_CONTROLS if quick else OUTCOME_CONTROLS
+    if kind == "no budget":
+        return NO_BUDGET_CONTROLS
     return tuple(law for law in CONTROLS if (law.n_strata > 1) == (kind == "strata"))
 
 

@@ -336,6 +336,8 @@ def _kinds(one: dict[str, Any], *, wrapped: bool) -> list[Kind]:
     # The trials of wrapped functions are counted.
     if goes_by_outcomes(one) and not wrapped:
         kinds.append("outcomes")
+        if not one["budget"]:
+            kinds.append("no budget")
     return kinds
 
 
@@ -635,7 +637,7 @@ def measure_controls(
 
 
 def controls_by_outcomes(verdicts: Iterable[Verdict], options: Options) -> tuple[Control, ...]:
-    """Measure the known law that verdicts by outcomes rest on; none where there are none.
+    """Measure the known laws that verdicts by outcomes rest on; none where there are none.
 
     Parameters
     ----------
@@ -649,5 +651,7 @@ def controls_by_outcomes(verdicts: Iterable[Verdict], options: Options) -> tuple
     tuple of Control
     """
     if any(verdict.outcomes for verdict in verdicts):
-        return measure_controls(options, controls_for("outcomes", quick=options.quick))
+        # A verdict does not say whether there was a number of trials to set.
+        laws = (*controls_for("outcomes", quick=options.quick), *controls_for("no budget"))
+        return measure_controls(options, laws)
     return ()

@@ -117,14 +117,18 @@ def test_only_the_controls_that_a_measurement_rests_on_are_measured(measured_kin
 
 
 @pytest.mark.parametrize(
-    ("entry_point", "kinds"),
-    [("findRigidTransform(*", {"any", "outcomes"}), ("findLine2D", {"any"})],
+    ("system", "entry_point", "kinds"),
+    [
+        ("gc-ransac", "findRigidTransform(*", {"any", "outcomes"}),
+        ("gc-ransac", "findLine2D", {"any"}),
+        ("opencv", "estimateAffine3D(*", {"any", "outcomes", "no budget"}),
+    ],
 )
-def test_the_control_by_outcomes_is_measured_beside_such_entry_points(
-    monkeypatch, measured_kinds, entry_point, kinds
+def test_the_controls_by_outcomes_are_measured_beside_such_entry_points(
+    monkeypatch, measured_kinds, system, entry_point, kinds
 ):
     monkeypatch.setattr(session, "_audit_entry_point", verdict_by_outcomes)
-    session.audit(Options(("gc-ransac",), sys.executable, entry_points=(entry_point,)))
+    session.audit(Options((system,), sys.executable, entry_points=(entry_point,)))
     assert set(measured_kinds) == kinds
     assert len(measured_kinds) == len(kinds)
 

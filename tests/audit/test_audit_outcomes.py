@@ -13,7 +13,7 @@ from rich.console import Console
 
 from ransac_fix.audit import control_probe, outcomes, session
 from ransac_fix.audit import measure as measurement
-from ransac_fix.audit.controls import CONTROLS, OUTCOME_CONTROLS, OUTCOME_ZOO
+from ransac_fix.audit.controls import CONTROLS, NO_BUDGET_CONTROLS, OUTCOME_CONTROLS, OUTCOME_ZOO
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.laws import Candidate, Fit
 from ransac_fix.audit.local import LocalHost
@@ -109,7 +109,7 @@ def test_a_known_law_is_recognised_by_outcomes(name):
 
 def test_a_law_is_recognised_where_no_number_of_trials_can_be_set():
     """Runs of one trial are asked for by the lowest confidence."""
-    law = next(law for law in OUTCOME_CONTROLS if not law.budget)
+    (law,) = NO_BUDGET_CONTROLS
     point = control_probe.entry_point(law)
     host = LocalHost(
         replace(point, run=lambda p, s, seed: point.run(p, replace(s, max_trials=1), seed))
@@ -121,7 +121,7 @@ def test_a_law_is_recognised_where_no_number_of_trials_can_be_set():
 
 def test_a_limit_of_its_own_on_few_trials_is_noticed():
     """Without a budget a function may end runs before the rule does: no law is made of that."""
-    law = next(law for law in OUTCOME_CONTROLS if not law.budget)
+    (law,) = NO_BUDGET_CONTROLS
     point = replace(control_probe.entry_point(replace(law, budget=True)), budget=False)
     host = LocalHost(
         replace(point, run=lambda p, s, seed: point.run(p, replace(s, max_trials=20), seed))
@@ -231,5 +231,6 @@ def test_the_report_shows_the_counts_and_the_error_rate():
 
 
 def test_an_audit_by_outcomes_proves_itself_on_a_law_seen_so():
-    assert all(law.outcomes_only for law in OUTCOME_CONTROLS)
+    assert all(law.outcomes_only for law in (*OUTCOME_CONTROLS, *NO_BUDGET_CONTROLS))
+    assert not any(law.budget for law in NO_BUDGET_CONTROLS)
     assert not any(law.outcomes_only for law in CONTROLS)

@@ -10,7 +10,7 @@ import pytest
 from small_releases import EXACT, LIBRARY, PROBE, write_releases
 
 from ransac_fix.audit import session
-from ransac_fix.audit.controls import OUTCOME_CONTROLS
+from ransac_fix.audit.controls import NO_BUDGET_CONTROLS, OUTCOME_CONTROLS
 from ransac_fix.audit.model import Control, OutcomeEvidence, Verdict
 from ransac_fix.audit.releases import matrix, packages
 from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
@@ -156,7 +156,7 @@ def test_verdicts_by_outcomes_are_proved_by_a_control_seen_so(small, monkeypatch
     for _ in range(2):
         report = search([replace(ASKED, versions=("2.0",))], options(tmp_path))
         assert [control.name for control in report.controls] == ["exact", "by outcomes"]
-    assert asked == [(), OUTCOME_CONTROLS] * 2
+    assert asked == [(), (*OUTCOME_CONTROLS, *NO_BUDGET_CONTROLS)] * 2
 
 
 KILLED = """
