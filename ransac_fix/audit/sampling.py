@@ -22,6 +22,8 @@ _INTERVAL_99 = 6.635
 # Standard deviations that no law may be off in any kind of run: one in 10^6 for a few kinds,
 # with room for runs on one fixed generator, which are not quite independent.
 _IMPOSSIBLE = 6.0
+# Those at which more runs decide whether it is off: one in a thousand where it is not.
+_DOUBTFUL = 3.5
 # Share of the samples in a group from which it must be found to speak of a law of all of them.
 LEAST_FOUND = 0.25
 # For this k that is all but the same as draws with replacement: n^3 against (n + 1) n (n - 1).
@@ -91,18 +93,22 @@ def decide(
     Returns
     -------
     SamplerLaw
-        ``drawn`` is ``"undecided"`` while two laws are too close, or where the group is found
-        from so few of the samples in it that the law might be an accident; ``"not uniform"``
-        where all of those known are impossible, or an index beyond the data is drawn.
+        ``drawn`` is ``"undecided"`` while two laws are too close or the likeliest is in doubt, or
+        where the group is found from so few of the samples in it that the law might be an
+        accident; ``"not uniform"`` where all of those known are impossible, or an index beyond the
+        data is drawn.
     """
     tally = _Tally([hit.case for hit in hits], hits, seeded)
     best, rival = tally.ranked(sample_size, verifying, n_strata, size_seen)
     decided: Drawn = best.drawing.drawn
     error = 0.0 if rival is None else math.exp(rival.likelihood - best.likelihood)
     deviation, strayed = tally.deviation(best, verifying)
+    too_close = error > (LAST_ERROR_RATE if last else ERROR_RATE)
+    # On a fixed generator more runs would look at the same samples.
+    doubtful = deviation > _DOUBTFUL and seeded and not last
     if deviation > _IMPOSSIBLE:
         decided = "not uniform"
-    elif error > (LAST_ERROR_RATE if last else ERROR_RATE) or best.found < LEAST_FOUND:
+    elif too_close or doubtful or best.found < LEAST_FOUND:
         decided = "undecided"
     elif best.beyond:
         decided, strayed = "not uniform", _BEYOND

@@ -25,10 +25,11 @@ def test_neither_its_samples_nor_its_rule_are_those_of_uniform_sampling(cgal):
     assert found.sampler.hits > 2 * found.sampler.expected
     assert "no known law passes through the points" in reason
     assert "not drawn uniformly" in reason
-    # Schnabel's bound: I/n for the first point, 1/2 for each other, one of two octree levels.
+    # Schnabel's bound: I/n for the first point, 1/2 for each other, one of two octree levels. It
+    # is looked at after every ten samples.
     for point in found.points:
-        implied = point.u / point.trials / (point.n_inliers / point.n)
-        assert implied == pytest.approx(1 / (2 * 2**2), rel=0.1)
+        bound = point.u / (point.n_inliers / point.n / (2 * 2**2))
+        assert 0 < point.trials - bound < 10
 
 
 def test_nobody_is_told_to_use_a_rule_for_uniform_samples_there(cgal):
