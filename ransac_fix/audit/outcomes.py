@@ -57,7 +57,7 @@ _U: Array = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 
 # Runs asked for at once, at least and as a share of those made, and in all.
 _BATCH = 24
 _BATCH_SHARE = 20
-_MOST_RUNS = 6_000
+_MOST_RUNS = 12_000
 _MOST_SECONDS = 45.0
 _ENOUGH_RUNS = 1_000
 _AGAIN = 1.5
