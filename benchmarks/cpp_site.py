@@ -15,7 +15,7 @@ from pathlib import Path
 import tree_sitter
 
 from ransac_fix.scan.cpp import LANGUAGE
-from ransac_fix.scan.cpp_source import _FLOAT_SOURCE, _HELPER_SOURCE, HELPER
+from ransac_fix.scan.cpp_source import _FLOAT_SOURCE, _HELPER_SOURCE, HELPER, walk
 from ransac_fix.scan.findings import Location
 
 Node = tree_sitter.Node
@@ -53,7 +53,7 @@ class NotAlone(Exception):  # noqa: N818 -- a site that needs more of its progra
 def arguments(call: str) -> list[str]:
     """Split the arguments of a call."""
     tree = _parse(f"x = {call};".encode())
-    listed = next((node for node in _walk(tree) if node.type == "argument_list"), None)
+    listed = next((node for node in walk(tree) if node.type == "argument_list"), None)
     return [] if listed is None else [_squeezed(_text(one)) for one in listed.named_children]
 
 
@@ -244,7 +244,7 @@ class CppSite:
 
 def _definitions(scope: Node, name: str) -> Iterator[tuple[Node, Node, str]]:
     """Yield each statement that gives a name its value, with the value and the declared type."""
-    for node in _walk(scope):
+    for node in walk(scope):
         match node.type:
             case "init_declarator":
                 target, value = (
@@ -304,14 +304,6 @@ def _function(node: Node) -> Node | None:
     while above is not None and above.type not in ("function_definition", "lambda_expression"):
         above = above.parent
     return above
-
-
-def _walk(node: Node) -> Iterator[Node]:
-    stack = [node]
-    while stack:
-        current = stack.pop()
-        yield current
-        stack.extend(reversed(current.named_children))
 
 
 def _parse(data: bytes) -> Node:

@@ -7,8 +7,9 @@ runs that only their budget ends do not, something else about the data decides w
 """
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
+from ransac_fix.audit.asking import Asked, Looks
 from ransac_fix.audit.model import SamplerLaw
 from ransac_fix.audit.sampling import drawing_of
 from ransac_fix.audit.worker.streams import (
@@ -31,13 +32,6 @@ _TWO_GROUPS, _ONE_GROUP = 4, 5
 _FOUND = 0.9
 # A budget that the larger model outlasts once in so many runs.
 _LAST = math.log(2000)
-
-
-class Asked(Protocol):
-    """Whoever runs the library: a worker process, or this one."""
-
-    def ask(self, do: str, **request: Any) -> dict[str, Any]:
-        """Answer one request; see `ransac_fix.audit.worker.outcomes`."""
 
 
 def goes_by_the_data(
@@ -74,28 +68,16 @@ def goes_by_the_data(
     return far > _FAR and far > _TIMES * looks.apart(by_budget, _MANY), looks.runs
 
 
-class _Looks:
-    """Runs on the same problems, and how many they were."""
-
-    def __init__(self, host: Asked, name: str, seed: int) -> None:
-        self._host, self._name, self._seed = host, name, seed
-        self.runs = 0
+class _Looks(Looks):
+    """Runs on the same problems."""
 
     def apart(self, case: list[Any], runs: int) -> float:
         """Return how far apart problems are in the share of runs that keep the smaller model.
 
         As chi-squared against one share for all; 0 where there is none.
         """
-        answer = self._host.ask(
-            "dispersion",
-            entry_point=self._name,
-            case=case,
-            problems=_PROBLEMS,
-            runs=runs,
-            seed=self._seed,
-        )
-        self.runs += answer["runs"]
-        counts: list[list[int]] = answer["counts"]
+        request = {"case": case, "problems": _PROBLEMS, "runs": runs, "seed": self._seed}
+        counts: list[list[int]] = self._ask("dispersion", **request)["counts"]
         totals = [sum(pair) for pair in counts]
         share = sum(smaller for smaller, _ in counts) / max(1, sum(totals))
         if not 0 < share < 1:

@@ -23,9 +23,10 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 from ransac_fix.audit import plan
+from ransac_fix.audit.asking import Asked
 from ransac_fix.audit.measure import settings_for
 from ransac_fix.audit.model import (
     Extension,
@@ -59,13 +60,6 @@ _DECIDED = -math.log(ERROR_RATE)
 _TELLING = 4e-3
 # Nothing is quite impossible: local optimisation and chance agreement disturb a run now and then.
 _SURPRISE = 0.01
-
-
-class Asked(Protocol):
-    """Whoever runs the library."""
-
-    def ask(self, do: str, **request: Any) -> dict[str, Any]:
-        """Answer one request; see `ransac_fix.audit.worker.serve`."""
 
 
 def count_trials(

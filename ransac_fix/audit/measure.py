@@ -1,9 +1,10 @@
 """Measure one entry point: ask for draws and points until the laws are known."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 from ransac_fix.audit import laws, outcomes, plan, sampling
+from ransac_fix.audit.asking import Asked, Looks
 from ransac_fix.audit.dispersion import goes_by_the_data
 from ransac_fix.audit.model import Defect, OutcomeEvidence, Point, SamplerLaw
 from ransac_fix.audit.worker import streams
@@ -54,13 +55,6 @@ _LIMITED = (
 )
 # Trials that a healthy rule may take for one of them.
 _LONGEST_ENDING = 600
-
-
-class Asked(Protocol):
-    """Whoever runs the library: a worker process, or this one."""
-
-    def ask(self, do: str, **request: Any) -> dict[str, Any]:
-        """Answer one request; see `ransac_fix.audit.worker.streams`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,43 +453,27 @@ def _defects(
     return (("first consensus",) if ended else ()), looks.runs + more
 
 
-class _Looks:
-    """Counts finds, and the runs that they took."""
-
-    def __init__(self, host: Asked, name: str, seed: int) -> None:
-        self._host, self._name, self._seed = host, name, seed
-        self.runs = 0
+class _Looks(Looks):
+    """Counts finds."""
 
     def hits(self, cases: list[list[Any]], *, again: bool = False) -> int:
         """Return how many runs found the one group planted, on the last streams or new ones."""
         seed = self._seed + self.runs - (len(cases) if again else 0)
-        answer = self._host.ask("hits", entry_point=self._name, cases=cases, seed=seed)
-        self.runs += answer["runs"]
-        return sum(answer["hits"])
+        return sum(self._ask("hits", cases=cases, seed=seed)["hits"])
 
     def uses_all(self, n: int) -> bool:
         """Whether runs use their budget at every confidence, though all n are inliers."""
-        answer = self._host.ask(
-            "trials",
-            entry_point=self._name,
-            n_samples=n,
-            budget=_BUDGET,
-            u=_CONFIDENCES,
-            seed=self._seed,
-        )
-        self.runs += answer["runs"]
+        answer = self._ask("trials", n_samples=n, budget=_BUDGET, u=_CONFIDENCES, seed=self._seed)
         return all(trials == _BUDGET for trials in answer["trials"])
 
     def larger(self, n: int, size: int, trials: int, runs: int) -> int:
         """Return how many runs found the larger of two groups at the highest confidence."""
-        answer = self._host.ask(
+        answer = self._ask(
             "larger",
-            entry_point=self._name,
             n_samples=n,
             group_size=size,
             trials=trials,
             streams=runs,
             seed=self._seed + self.runs,
         )
-        self.runs += answer["runs"]
         return int(answer["found"])

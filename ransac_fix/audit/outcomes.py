@@ -20,10 +20,11 @@ import time
 from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from ransac_fix.audit.asking import Asked
 from ransac_fix.audit.direction import direction
 from ransac_fix.audit.laws import Candidate, Fit
 from ransac_fix.audit.model import (
@@ -73,13 +74,6 @@ _FEWEST_TRIALS = 6
 _LIMIT_RUNS, _LIMIT_MISSES = 200, 3
 # Nats by which a law must be likelier than chances that follow none, to be named.
 _LIKELIER = math.log(100)
-
-
-class Asked(Protocol):
-    """Whoever runs the library: a worker process, or this one."""
-
-    def ask(self, do: str, **request: Any) -> dict[str, Any]:
-        """Answer one request; see `ransac_fix.audit.worker.outcomes`."""
 
 
 def _information(p: Array, q: Array) -> Array:

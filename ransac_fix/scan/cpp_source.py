@@ -216,7 +216,7 @@ class CppSource(Source):
         verdict: Standing = "same"
         own = _statement(first)
         foreign = {path for path in paths if not self._is_local(path[0], function)}
-        for node in _walk(function):
+        for node in walk(function):
             if not any(low <= node.start_byte < high for low, high in ranges):
                 continue
             if _contains(own, node):
@@ -333,7 +333,7 @@ class CppSource(Source):
         return all(self._only_looks(self._node(span)) for span in spans)
 
     def _only_looks(self, whole: Node) -> bool:
-        for node in _walk(whole):
+        for node in walk(whole):
             if node.type in ("assignment_expression", "update_expression", "new_expression"):
                 return False
             if node.type != "call_expression":
@@ -531,7 +531,7 @@ class CppSource(Source):
         found = [node for node, own in _declared(function) if self._text(own) == name]
         uses = tuple(
             self._span(node)
-            for node in _walk(function)
+            for node in walk(function)
             if node.type == "identifier" and self._text(node) == name
         )
         if len(found) != 1 or found[0].type != "declaration" or not uses:
@@ -571,7 +571,7 @@ class CppSource(Source):
         spans: list[Span] = []
         calls: list[CallSite] = []
         definitions = 0
-        for node in _walk(self._root):
+        for node in walk(self._root):
             if node.type not in ("identifier", "field_identifier") or self._text(node) != name:
                 continue
             use = node
@@ -617,7 +617,7 @@ class CppSource(Source):
         if lead.strip():
             return f"{name} is written on one line"
         names = frozenset(
-            self._text(node) for node in _walk(definition) if node.type == "identifier"
+            self._text(node) for node in walk(definition) if node.type == "identifier"
         )
         return Signature(
             parameters=tuple(spans),
@@ -629,7 +629,7 @@ class CppSource(Source):
             names=names,
             uses=tuple(
                 self._span(node)
-                for node in _walk(block)
+                for node in walk(block)
                 if node.type == "identifier" and self._text(node) == parameter
             ),
         )
@@ -703,7 +703,8 @@ def _ancestors(node: Node) -> Iterator[Node]:
         current = current.parent
 
 
-def _walk(node: Node) -> Iterator[Node]:
+def walk(node: Node) -> Iterator[Node]:
+    """Yield a node and all in it, in the order of the source."""
     stack = [node]
     while stack:
         current = stack.pop()
@@ -740,7 +741,7 @@ def _dominates(first: Node, last: Node) -> bool:
 
 def _declared(scope: Node) -> Iterator[tuple[Node, Node]]:
     """Yield each declaration of a scope with the names it declares."""
-    for node in _walk(scope):
+    for node in walk(scope):
         if node.type not in (
             "declaration",
             "field_declaration",
