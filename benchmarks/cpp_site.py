@@ -15,7 +15,8 @@ from pathlib import Path
 import tree_sitter
 
 from ransac_fix.scan.cpp import LANGUAGE
-from ransac_fix.scan.cpp_source import _FLOAT_SOURCE, _HELPER_SOURCE, HELPER, walk
+from ransac_fix.scan.cpp_helper import FLOAT_SOURCE, HELPER, HELPER_SOURCE
+from ransac_fix.scan.cpp_nodes import walk
 from ransac_fix.scan.findings import Location
 
 Node = tree_sitter.Node
@@ -93,7 +94,7 @@ class CppSite:
 
     def run(self, points: Sequence[Point]) -> list[float]:
         """Compile the expression and work it out at every point."""
-        program = _HEAD + _HELPER_SOURCE.format_map(_NAMES) + _FLOAT_SOURCE.format_map(_NAMES)
+        program = _HEAD + HELPER_SOURCE.format_map(_NAMES) + FLOAT_SOURCE.format_map(_NAMES)
         program += "static double rule(double I, double n, double k, double s) {\n"
         program += f"  return (double)({self._body});\n}}\n{_MAIN}"
         with tempfile.TemporaryDirectory() as folder:

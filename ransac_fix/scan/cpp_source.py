@@ -1,9 +1,4 @@
-"""C, C++ and CUDA source as fixes see it: tree-sitter's nodes, and where values hold between them.
-
-The function that a fix adds takes its counts as doubles, which hold every count that a program can
-have: so nothing is divided as integers, and ``n_inliers - i`` does not wrap around. It stands in
-the global scope behind a guard of its own, because several fixed headers may meet in one file.
-"""
+"""C, C++ and CUDA source as fixes see it: where values hold, and what types they have."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -12,6 +7,18 @@ from pathlib import PurePath
 import tree_sitter
 
 from ransac_fix.scan.cpp import LANGUAGE
+from ransac_fix.scan.cpp_helper import FLOAT_SOURCE, GUARD, HELPER, HELPER_SOURCE, anchor, indent
+from ransac_fix.scan.cpp_nodes import (
+    FUNCTIONS,
+    LOOPS,
+    ancestors,
+    contains,
+    declared,
+    dominates,
+    function_declarator,
+    statement,
+    walk,
+)
 from ransac_fix.scan.findings import Edit
 from ransac_fix.scan.form import Expr, Fn, Name, Num, Op, Ref, Span
 from ransac_fix.scan.reading import Text
@@ -25,37 +32,6 @@ from ransac_fix.scan.source import (
 
 Node = tree_sitter.Node
 
-HELPER = "all_inlier_probability"
-_GUARD = "ALL_INLIER_PROBABILITY"
-_HELPER_SOURCE = """\
-#ifndef {guard}
-#define {guard}
-/* The probability that all of sample_size distinct samples are inliers. With fewer inliers than a
-   sample takes there is none; the factors stop at one then, so that the number of trials made of
-   this stays finite; and 1 - p is less than 1 in a double. */
-{kind} double {name}(double n_inliers, double n_samples, double sample_size)
-{{
-{indent}double p = n_inliers > 0 ? 1 : 0;
-{indent}for (; sample_size > 0; sample_size -= 1) {{
-{indent}{indent}p *= (n_inliers > 1 ? n_inliers : 1) / (n_samples > 1 ? n_samples : 1);
-{indent}{indent}n_inliers -= 1;
-{indent}{indent}n_samples -= 1;
-{indent}}}
-{indent}return p > 0 && p < 1.2e-16 ? 1.2e-16 : p;
-}}
-#endif
-"""
-_FLOAT_SOURCE = """\
-#ifndef {guard}F
-#define {guard}F
-/* The same in single precision, where 1 - p is less than 1 in a float. */
-{kind} float {name}f(double n_inliers, double n_samples, double sample_size)
-{{
-{indent}const double p = {name}(n_inliers, n_samples, sample_size);
-{indent}return (float) (p > 0 && p < 6e-8 ? 6e-8 : p);
-}}
-#endif
-"""
 _CPP_WORDS = re.compile(
     r"\b(?:namespace|template|class|typename|public:|private:|static_cast)\b|::"
 )
@@ -107,25 +83,6 @@ _READS = re.compile(
 _SIMPLE = re.compile(
     r"(?:std::)?(?:size|ssize|abs|int|unsigned|double|float|size_t|static_cast\s*<[^()]*>)"
 )
-_CONDITIONS = {"condition", "initializer", "right", "value"}
-_BRANCHES = frozenset(
-    (
-        "if_statement",
-        "for_statement",
-        "for_range_loop",
-        "while_statement",
-        "do_statement",
-        "switch_statement",
-        "case_statement",
-        "conditional_expression",
-        "catch_clause",
-        "else_clause",
-        "function_definition",
-        "lambda_expression",
-    )
-)
-_LOOPS = frozenset(("for_statement", "for_range_loop", "while_statement", "do_statement"))
-_FUNCTIONS = frozenset(("function_definition", "lambda_expression"))
 
 
 class CppSource(Source):
@@ -198,28 +155,28 @@ class CppSource(Source):
         first, last = self._node(start), self._node(end)
         nodes = [self._node(span) for expr in exprs for span in _spans(expr)]
         paths = {path for node in nodes for path in self._paths(node)}
-        if _contains(last, first) or not paths:
+        if contains(last, first) or not paths:
             return "same"
         if last.start_byte < first.end_byte:
             return "changed"
-        if not anywhere and not _dominates(first, last):
+        if not anywhere and not dominates(first, last):
             return "changed"
         ranges = [(first.end_byte, last.start_byte)]
         ranges += [
             above.byte_range
-            for above in _ancestors(last)
-            if above.type in _LOOPS and not _contains(above, first)
+            for above in ancestors(last)
+            if above.type in LOOPS and not contains(above, first)
         ]
-        function = next((one for one in _ancestors(last) if one.type in _FUNCTIONS), self._root)
-        if not _contains(function, first):
+        function = next((one for one in ancestors(last) if one.type in FUNCTIONS), self._root)
+        if not contains(function, first):
             return "unknown"  # in a lambda, which runs at another time
         verdict: Standing = "same"
-        own = _statement(first)
+        own = statement(first)
         foreign = {path for path in paths if not self._is_local(path[0], function)}
         for node in walk(function):
             if not any(low <= node.start_byte < high for low, high in ranges):
                 continue
-            if _contains(own, node):
+            if contains(own, node):
                 continue
             for written, sure in self._writes(node):
                 if written is None:
@@ -323,7 +280,7 @@ class CppSource(Source):
                 yield path, False
 
     def _is_local(self, name: str, function: Node) -> bool:
-        return any(self._text(found) == name for _, found in _declared(function))
+        return any(self._text(found) == name for _, found in declared(function))
 
     def is_repeatable(self, expr: Expr) -> bool:
         """Whether an expression only looks at something."""
@@ -363,8 +320,8 @@ class CppSource(Source):
     def _types(self, name: str, near: Node | None) -> list[str]:
         """Give the types that a name is declared with, by its function if that does."""
         if near is not None:
-            for above in _ancestors(near):
-                if above.type in _FUNCTIONS:
+            for above in ancestors(near):
+                if above.type in FUNCTIONS:
                     own = self._types_in(above, name)
                     if own:
                         return own
@@ -372,13 +329,13 @@ class CppSource(Source):
 
     def _types_in(self, scope: Node, name: str) -> list[str]:
         found: list[str] = []
-        for declaration, declared in _declared(scope):
-            if self._text(declared) != name:
+        for declaration, named in declared(scope):
+            if self._text(named) != name:
                 continue
             kind = declaration.child_by_field_name("type")
             if kind is not None:
                 text = " ".join(self._text(kind).split())
-                pointer = "*" in self._bytes[kind.end_byte : declared.start_byte].decode("latin-1")
+                pointer = "*" in self._bytes[kind.end_byte : named.start_byte].decode("latin-1")
                 found.append(f"{text}*" if pointer else _element(text))
         return found
 
@@ -451,21 +408,21 @@ class CppSource(Source):
         target = self._byte(power.line, power.column)
         before = self._bytes[:target].replace(b"\r\n", b"\n")
         single = self._type_of_power(self._node(power)) == "float"
-        wanted = [("", _HELPER_SOURCE), *([("F", _FLOAT_SOURCE)] if single else [])]
+        wanted = [("", HELPER_SOURCE), *([("F", FLOAT_SOURCE)] if single else [])]
         missing = [
             (mark, template)
             for mark, template in wanted
-            if f"#define {_GUARD}{mark}\n".encode() not in before
+            if f"#define {GUARD}{mark}\n".encode() not in before
         ]
         if not missing:
             return ()
-        if f"#define {_GUARD}" not in self.text.source and HELPER in self.text.source:
+        if f"#define {GUARD}" not in self.text.source and HELPER in self.text.source:
             return f"the file has something else named {HELPER}"
-        line, lead = self._anchor(target)
+        line, lead = anchor(self._root, target)
         kind = "static" if self._plain_c and not self._header else "static inline"
         if not self._plain_c:
             kind = "__host__ __device__ inline" if self._cuda else "inline"
-        names = {"guard": _GUARD, "kind": kind, "name": HELPER, "indent": self._indent()}
+        names = {"guard": GUARD, "kind": kind, "name": HELPER, "indent": indent(self._lines)}
         follows = self._lines[line - 1].strip() if line <= len(self._lines) else b""
         trail = "\n" if follows or single else ""
         return tuple(
@@ -473,62 +430,13 @@ class CppSource(Source):
             for _, template in missing
         )
 
-    def _anchor(self, target: int) -> tuple[int, str]:
-        """Give the line to add the function at: behind the includes, or above what needs it."""
-        container = self._root
-        while True:
-            guard = next(
-                (
-                    child
-                    for child in container.children
-                    if child.type in ("preproc_ifdef", "preproc_if")
-                    and child.start_byte <= target < child.end_byte
-                ),
-                None,
-            )
-            if guard is None:
-                break
-            container = guard
-        best: Node | None = None
-        item: Node | None = None
-        comments: list[Node] = []
-        for child in container.children:
-            if child.end_byte > target:
-                item = child
-                break
-            if _includes_only(child):
-                best = child
-            comments = [*comments, child] if child.type == "comment" else []
-        if best is not None:
-            row, column = best.end_point
-            return (row + 1 if column == 0 else row + 2), "\n"
-        assert item is not None
-        row = item.start_point[0]
-        for comment in reversed(comments):
-            if comment.end_point[0] == row - 1 and comment.start_point[1] == 0:
-                row = comment.start_point[0]
-        if row == 0:  # a licence opens the file
-            row = item.start_point[0]
-        return row + 1, ""
-
-    def _indent(self) -> str:
-        """Give what the file indents with."""
-        leads = [line[: len(line) - len(line.lstrip())] for line in self._lines if line.strip()]
-        tabs = sum(lead.startswith(b"\t") for lead in leads)
-        spaces = [len(lead) for lead in leads if lead.startswith(b" ")]
-        if tabs > len(spaces):
-            return "\t"
-        return (
-            "  " if sum(one % 4 == 2 for one in spaces) * 4 > len(spaces) or not spaces else "    "
-        )
-
     def sole_definition(self, name: str, place: Span) -> tuple[Span, tuple[Span, ...]] | None:
         """Find the one declaration of a variable of the function around ``place``."""
-        above = _ancestors(self._node(place))
-        function = next((one for one in above if one.type in _FUNCTIONS), None)
+        above = ancestors(self._node(place))
+        function = next((one for one in above if one.type in FUNCTIONS), None)
         if function is None or "." in name:
             return None
-        found = [node for node, own in _declared(function) if self._text(own) == name]
+        found = [node for node, own in declared(function) if self._text(own) == name]
         uses = tuple(
             self._span(node)
             for node in walk(function)
@@ -547,14 +455,14 @@ class CppSource(Source):
     def signature(self, function: Span, parameter: str) -> Signature | str:
         """Find what changes with a parameter of a function."""
         definition = self._node(function)
-        while definition.type not in _FUNCTIONS and definition.named_children:
-            inner = [one for one in definition.named_children if one.type in _FUNCTIONS]
+        while definition.type not in FUNCTIONS and definition.named_children:
+            inner = [one for one in definition.named_children if one.type in FUNCTIONS]
             if not inner:
                 return "its function is not a plain one"
             definition = inner[0]
         if definition.type != "function_definition":
             return "its function is not a plain one"
-        declarator = _function_declarator(definition)
+        declarator = function_declarator(definition)
         named = None if declarator is None else declarator.child_by_field_name("declarator")
         block = definition.child_by_field_name("body")
         if declarator is None or named is None or block is None:
@@ -654,7 +562,7 @@ class CppSource(Source):
             child.type == "storage_class_specifier" and self._text(child) == "static"
             for child in definition.children
         )
-        above = list(_ancestors(definition))
+        above = list(ancestors(definition))
         in_class = any(one.type.endswith("_specifier") for one in above)
         nameless = any(
             one.type == "namespace_definition" and one.child_by_field_name("name") is None
@@ -690,103 +598,3 @@ def _floating(kind: str) -> str | None:
 def _meet(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     short = min(len(one), len(other))
     return one[:short] == other[:short]
-
-
-def _contains(outer: Node, inner: Node) -> bool:
-    return outer.start_byte <= inner.start_byte and inner.end_byte <= outer.end_byte
-
-
-def _ancestors(node: Node) -> Iterator[Node]:
-    current = node.parent
-    while current is not None:
-        yield current
-        current = current.parent
-
-
-def walk(node: Node) -> Iterator[Node]:
-    """Yield a node and all in it, in the order of the source."""
-    stack = [node]
-    while stack:
-        current = stack.pop()
-        yield current
-        stack.extend(reversed(current.named_children))
-
-
-def _statement(node: Node) -> Node:
-    """Give the statement that a node stands in."""
-    current = node
-    for above in _ancestors(node):
-        if above.type in ("compound_statement", "translation_unit", "declaration_list"):
-            break
-        current = above
-    return current
-
-
-def _dominates(first: Node, last: Node) -> bool:
-    """Whether ``first`` has always run when ``last`` does, in the same run of its block."""
-    child = first
-    for above in _ancestors(first):
-        if _contains(above, last):
-            return above.type not in ("if_statement", "conditional_expression") or (
-                above.child_by_field_name("condition") is not None
-                and _contains(above.child_by_field_name("condition") or above, child)
-            )
-        if above.type in _BRANCHES:
-            fields = [above.child_by_field_name(name) for name in _CONDITIONS]
-            if not any(one is not None and _contains(one, child) for one in fields):
-                return False
-        child = above
-    return False
-
-
-def _declared(scope: Node) -> Iterator[tuple[Node, Node]]:
-    """Yield each declaration of a scope with the names it declares."""
-    for node in walk(scope):
-        if node.type not in (
-            "declaration",
-            "field_declaration",
-            "parameter_declaration",
-            "optional_parameter_declaration",
-            "for_range_loop",
-        ):
-            continue
-        for declarator in node.children_by_field_name("declarator"):
-            inner: Node | None = declarator
-            while inner is not None and inner.type not in ("identifier", "field_identifier"):
-                inner = inner.child_by_field_name("declarator") or next(
-                    (
-                        one
-                        for one in inner.named_children
-                        if one.type.endswith(("declarator", "identifier"))
-                    ),
-                    None,
-                )
-            if inner is not None:
-                yield node, inner
-
-
-def _function_declarator(definition: Node) -> Node | None:
-    found = definition.child_by_field_name("declarator")
-    while found is not None and found.type != "function_declarator":
-        found = found.child_by_field_name("declarator") or next(
-            (one for one in found.named_children if one.type.endswith("declarator")), None
-        )
-    return found
-
-
-def _includes_only(node: Node) -> bool:
-    """Whether a top-level node is an include, or a condition around includes."""
-    if node.type == "preproc_include":
-        return True
-    if node.type not in ("preproc_if", "preproc_ifdef"):
-        return False
-    inside = [
-        child
-        for child in node.named_children
-        if child.type not in ("identifier", "comment", "preproc_defined", "binary_expression")
-        and child != node.child_by_field_name("condition")
-    ]
-    return bool(inside) and all(
-        one.type in ("preproc_include", "preproc_else", "preproc_elif", "preproc_def")
-        for one in inside
-    )
