@@ -1,8 +1,6 @@
 """One audit: every probe in its own worker, the controls beside them."""
 
-import math
 import os
-import sys
 import threading
 import time
 from collections import deque
@@ -15,41 +13,17 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ransac_fix.audit.controls import CONTROLS, KINDS, Kind, KnownLaw, controls_for
-from ransac_fix.audit.defaults import at_defaults, rule_trials, standard_problems
-from ransac_fix.audit.drawing import spread
-from ransac_fix.audit.extended import count_trials, decide_by_outcomes, judge_extension
+from ransac_fix.audit.examination import examine
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
-from ransac_fix.audit.judge import advise, judge
-from ransac_fix.audit.measure import (
-    SEED,
-    Measurement,
-    goes_by_outcomes,
-    measure,
-    sampler_law,
-    settings_for,
-)
-from ransac_fix.audit.model import (
-    SCHEMA_VERSION,
-    Control,
-    Report,
-    Verdict,
-)
+from ransac_fix.audit.model import SCHEMA_VERSION, Control, Report, Verdict
+from ransac_fix.audit.proof import Controls, kinds_for, objection
 from ransac_fix.errors import RansacFixError
 from ransac_fix.systems import find_system, load_systems
-from ransac_fix.verdicts import fixed_release
 
 GROUP = "ransac_fix.probes"
-_CONTROL_PROBE = Path(__file__).parent / "control_probe.py"
 _USER_PROBE = Path(__file__).parent / "user_probe.py"
-# A default cap up to this many trials is checked by running into it.
-_CHECKED_TRIALS = 5_000
-_CHECK_STREAMS = 12
-_COUNTED_STREAMS = 3
-_LARGEST_CHECK = 60
 # Entry points waiting, from which on a second worker for a system is worth its start.
 _WORTH_HELPING = 3
-_CHECK_SECONDS = 1.0
 # Importing a library, or compiling a driver for it, once, on a busy machine.
 _DESCRIBE_SECONDS = 300.0
 
@@ -114,8 +88,7 @@ def audit(options: Options, progress: Callable[[str], object] = lambda _: None) 
     """
     started = time.monotonic()
     jobs = [_Job(system, file) for system, file in chosen_probes(options.systems).items()]
-    controls = _Controls(options)
-    controls.ask("any")
+    controls = Controls(options.seconds, quick=options.quick)
     crew = _Crew(jobs, options, progress, controls)
     with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
         members = [pool.submit(crew.work) for _ in range(max(2, os.cpu_count() or 1))]
@@ -150,17 +123,18 @@ def audit_function(arguments: Sequence[str], options: Options) -> Report:
     """
     started = time.monotonic()
     job = _Job("your own", _USER_PROBE, tuple(arguments))
-    controls = _Controls(options)
+    controls = Controls(options.seconds, quick=options.quick)
     _Crew([job], options, lambda _: None, controls).work()
-    if "-" not in job.done:
-        controls.ask("any")
     return _report(job.verdicts(), controls.measured(job.verdicts()), [], started)
 
 
 def audit_system(
-    system: str, options: Options, progress: Callable[[str], object] = lambda _: None
+    system: str,
+    options: Options,
+    controls: Controls,
+    progress: Callable[[str], object] = lambda _: None,
 ) -> list[Verdict]:
-    """Measure one system, one entry point after another and without controls.
+    """Measure one system, one entry point after another.
 
     Parameters
     ----------
@@ -168,6 +142,8 @@ def audit_system(
         A system with a probe.
     options : Options
         What to do.
+    controls : Controls
+        Those of the run, of which the ones that the measurements rest on are asked for.
     progress : callable, optional
         As in `audit`.
 
@@ -178,7 +154,7 @@ def audit_system(
         imported.
     """
     job = _Job(system, probe_files()[system])
-    _Crew([job], options, progress).work()
+    _Crew([job], options, progress, controls).work()
     return job.verdicts()
 
 
@@ -186,9 +162,8 @@ def _report(
     verdicts: list[Verdict], controls: tuple[Control, ...], missing: list[str], started: float
 ) -> Report:
     """Put a report together; without a verdict where a control failed."""
-    failed = [control.name for control in controls if not control.passed]
-    if failed:
-        why = f"a control was misidentified ({', '.join(failed)}), so no verdict is given"
+    why = objection(controls)
+    if why:
         verdicts = [replace(v, verdict="not measured", reason=why, advice="") for v in verdicts]
     return Report(
         SCHEMA_VERSION,
@@ -288,59 +263,6 @@ class _Job:
         return [self.done[name] for name in order if name in self.done]
 
 
-class _Controls:
-    """The known laws that an audit proves itself on, those of each kind measured once.
-
-    Parameters
-    ----------
-    options : Options
-        As for `measure_controls`.
-    """
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
-        self._lock = threading.Lock()
-        self._asked: set[Kind] = set()
-        self._waiting: deque[Kind] = deque()
-        self._found: dict[Kind, tuple[Control, ...]] = {}
-
-    def ask(self, *kinds: Kind) -> None:
-        """Have the laws of these kinds measured, unless they were asked for before."""
-        with self._lock:
-            for kind in set(kinds) - self._asked:
-                self._asked.add(kind)
-                self._waiting.append(kind)
-
-    def measure_next(self) -> bool:
-        """Measure those of one kind that are waiting; whether there were any."""
-        try:
-            kind = self._waiting.popleft()
-        except IndexError:
-            return False
-        laws = controls_for(kind, quick=self._options.quick)
-        self._found[kind] = measure_controls(self._options, laws)
-        return True
-
-    def measured(self, verdicts: Iterable[Verdict]) -> tuple[Control, ...]:
-        """Return all that was asked for, and what these verdicts rest on besides."""
-        if any(verdict.outcomes for verdict in verdicts):
-            self.ask("outcomes")
-        while self.measure_next():
-            pass
-        return tuple(control for kind in KINDS for control in self._found.get(kind, ()))
-
-
-def _kinds(one: dict[str, Any], *, wrapped: bool) -> list[Kind]:
-    """Return the kinds of control that the measurement of an entry point rests on."""
-    kinds: list[Kind] = ["strata"] if one["n_strata"] > 1 else []
-    # The trials of wrapped functions are counted.
-    if goes_by_outcomes(one) and not wrapped:
-        kinds.append("outcomes")
-        if not one["budget"]:
-            kinds.append("no budget")
-    return kinds
-
-
 class _Crew:
     """Threads that each drive one worker process at a time, until nothing is left to measure.
 
@@ -353,7 +275,7 @@ class _Crew:
         jobs: list[_Job],
         options: Options,
         progress: Callable[[str], object],
-        controls: _Controls | None = None,
+        controls: Controls,
     ) -> None:
         self.jobs = jobs
         self._controls = controls
@@ -365,7 +287,7 @@ class _Crew:
     def work(self) -> None:
         """Measure until nothing is left to begin or to help with."""
         while True:
-            if self._controls is not None and self._controls.measure_next():
+            if self._controls.measure_next():
                 continue
             with self._lock:
                 job = self._unbegun.popleft() if self._unbegun else None
@@ -413,9 +335,16 @@ class _Crew:
                 if "unmeasured" in one:
                     raise WorkerFailed(one["unmeasured"])
                 wrapped = described["wrapped"]
-                if self._controls is not None:
-                    self._controls.ask(*_kinds(one, wrapped=wrapped))
-                verdict = _audit_entry_point(host, job.system, version, one, options, wrapped)
+                self._controls.ask(kinds_for(one, wrapped=wrapped))
+                verdict = examine(
+                    host,
+                    job.system,
+                    version,
+                    one,
+                    options.problems,
+                    wrapped=wrapped,
+                    quick=options.quick,
+                )
                 if described["refused"]:
                     unpatched = f"Measured as it is: its patch was refused, {described['refused']}."
                     verdict = replace(verdict, advice=f"{unpatched} {verdict.advice}".rstrip())
@@ -425,233 +354,3 @@ class _Crew:
             self._progress(f"{job.system} {name}")
             if not host.alive:
                 return True
-
-
-def _audit_entry_point(
-    host: WorkerHost,
-    system: str,
-    version: str | None,
-    one: dict[str, Any],
-    options: Options,
-    wrapped: bool,
-) -> Verdict:
-    started = time.monotonic()
-    if wrapped and not one["budget"]:
-        why = "it takes no number of trials, so that those that it leaves out cannot be counted"
-        return Verdict(system, one["name"], version, "not measured", why)
-    if wrapped:
-        sampler, runs = sampler_law(host, one, SEED)
-        counts, more = count_trials(host, one, sampler, SEED + 7000)
-        if counts:
-            outcomes, again = decide_by_outcomes(host, one, sampler, SEED + 9000)
-            verdict, reason, extension = judge_extension(
-                counts, sampler, outcomes, counted=one["counted"]
-            )
-            return Verdict(
-                system,
-                one["name"],
-                version,
-                verdict,
-                reason,
-                sampler_law=sampler,
-                runs=runs + more + again,
-                seconds=round(time.monotonic() - started, 3),
-                extension=extension,
-            )
-    measured = measure(host, one, verdict_only=options.quick)
-    runs = measured.runs
-    verdict, reason = judge(measured)
-    defaults = None
-    advice = ""
-    declared = one["defaults"]
-    if declared is not None and (measured.points or measured.outcomes or measured.defects):
-        checked = None
-        if not goes_by_outcomes(one):
-            checked, more = _check_defaults(host, one, declared, measured)
-            runs += more
-        problems = [
-            (n, n_inliers, None) for n, n_inliers in standard_problems(measured.sampler.sample_size)
-        ]
-        defaults = at_defaults(
-            declared,
-            measured.fit.law,
-            measured.sampler,
-            [*problems, *options.problems],
-            checked,
-            one["n_strata"],
-        )
-        fixed_in = fixed_in_release(system, version, one["name"])
-        advice = advise(verdict, defaults, declared["max_trials_name"], fixed_in)
-    return Verdict(
-        system,
-        one["name"],
-        version,
-        verdict,
-        reason,
-        advice,
-        measured.sampler,
-        measured.fit.law,
-        defaults,
-        measured.points,
-        measured.defects,
-        measured.outcomes,
-        runs,
-        round(time.monotonic() - started, 3),
-    )
-
-
-def fixed_in_release(system: str, version: str | None, entry_point: str) -> str | None:
-    """Return the first newer release that was measured not to undersample any more.
-
-    Parameters
-    ----------
-    system, version, entry_point : str
-        What is in use; the version of a library that is no release is None.
-
-    Returns
-    -------
-    str or None
-        None where there is none, or none was measured.
-    """
-    known = next((one for one in load_systems() if one.name == system), None)
-    if version is None or known is None or not known.distributions:
-        return None
-    return fixed_release(known.distributions[0], version, entry_point)
-
-
-def _check_counts(
-    host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], measured: Measurement
-) -> tuple[bool | None, int]:
-    """Count the trials of runs with nothing set where the minimum binds, and the rule."""
-    law, k, n_strata = measured.fit.law, one["sample_size"], one["n_strata"]
-    assert law is not None
-    fewest, multiplier = declared["min_trials"], declared["multiplier"]
-    expected: dict[tuple[int, int], int] = {}
-    for n in range(max(2 * k + 6, one["fewest_samples"]), _LARGEST_CHECK):
-        for size in range(k + 2, n - 1):
-            strata = spread(size, n, n_strata)
-            trials = math.ceil(multiplier * rule_trials(law, strata, declared["confidence"]))
-            if 2 * trials < fewest:
-                expected[n, size] = fewest
-            elif 1.3 * fewest < trials < 2 * fewest:
-                expected[n, size] = trials
-    runs = same = different = 0
-    for binds in (True, False):
-        chosen = [key for key, trials in expected.items() if (trials == fewest) == binds]
-        if not chosen:
-            return None, runs
-        n, size = chosen[0]
-        answer = host.ask(
-            "defaults",
-            entry_point=one["name"],
-            n_samples=n,
-            group_size=size,
-            n_groups=1,
-            strata=[(total, inliers, 0) for inliers, total in spread(size, n, n_strata)],
-            trials=expected[n, size],
-            # Whether the offset is multiplied, too, is not known.
-            tolerance=2 * (1 + multiplier),
-            streams=_COUNTED_STREAMS,
-            seconds=_CHECK_SECONDS,
-            seed=SEED + 5000,
-        )
-        runs += answer["runs"]
-        same, different = same + answer["same"], different + answer["different"]
-    return (different == 0 if same + different else None), runs
-
-
-def _check_defaults(
-    host: WorkerHost, one: dict[str, Any], declared: dict[str, Any], measured: Measurement
-) -> tuple[bool | None, int]:
-    """Run with nothing set where the default cap binds, and see whether it does."""
-    law, cap = measured.fit.law, declared["max_trials"]
-    if law is None:
-        return None, 0
-    if one["counted"] and not one["watched"] and declared["min_trials"]:
-        return _check_counts(host, one, declared, measured)
-    if cap is None or cap > _CHECKED_TRIALS:
-        return None, 0
-    # B comes after about as many trials as the cap allows; the rule would allow far more.
-    setting = settings_for({**one, "typical_trials": cap / 2}, measured.sampler, counted=False)[0]
-    strata = tuple((a, n) for n, a, _ in setting.strata) or ((setting.group_size, setting.n),)
-    rule = rule_trials(law, strata, declared["confidence"])
-    if rule * declared["multiplier"] < 1.5 * cap:
-        return None, 0
-    answer = host.ask(
-        "defaults",
-        entry_point=one["name"],
-        n_samples=setting.n,
-        group_size=setting.group_size,
-        n_groups=1,
-        strata=setting.strata,
-        trials=cap,
-        tolerance=0,
-        streams=_CHECK_STREAMS,
-        seconds=_CHECK_SECONDS,
-        seed=SEED + 5000,
-    )
-    if not answer["same"] + answer["different"]:
-        return None, answer["runs"]
-    return answer["different"] == 0, answer["runs"]
-
-
-def measure_controls(
-    options: Options, laws: Sequence[KnownLaw] = CONTROLS, seed: int = SEED
-) -> tuple[Control, ...]:
-    """Measure the known laws.
-
-    Parameters
-    ----------
-    options : Options
-        Its time matters, and `quick`: the controls run in the audit's own environment.
-    laws : sequence of KnownLaw, optional
-        Which; see `controls_for`.
-    seed : int, optional
-        Fixes the planted problems and the random streams.
-
-    Returns
-    -------
-    tuple of Control
-    """
-    controls: list[Control] = []
-    try:
-        with WorkerHost(_CONTROL_PROBE, sys.executable, options.seconds) as host:
-            described = {one["name"]: one for one in host.ask("describe")["entry_points"]}
-            for known in laws:
-                host.allow(options.seconds)
-                one = described[known.name]
-                measured = measure(host, one, seed, verdict_only=options.quick)
-                found = measured.fit.law
-                controls.append(
-                    Control(
-                        known.name,
-                        f"{known.formula}; {known.drawn}",
-                        f"{found.formula if found else 'none'}; {measured.sampler.drawn}",
-                        known.recognised(measured),
-                        measured.runs,
-                    )
-                )
-    except WorkerFailed as why:
-        controls.append(Control("reference", "runs", str(why), False, 0))
-    return tuple(controls)
-
-
-def controls_by_outcomes(verdicts: Iterable[Verdict], options: Options) -> tuple[Control, ...]:
-    """Measure the known laws that verdicts by outcomes rest on; none where there are none.
-
-    Parameters
-    ----------
-    verdicts : iterable of Verdict
-        What was measured.
-    options : Options
-        As for `measure_controls`.
-
-    Returns
-    -------
-    tuple of Control
-    """
-    if any(verdict.outcomes for verdict in verdicts):
-        # A verdict does not say whether there was a number of trials to set.
-        laws = (*controls_for("outcomes", quick=options.quick), *controls_for("no budget"))
-        return measure_controls(options, laws)
-    return ()

@@ -4,6 +4,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from ransac_fix.audit.releases.model import Change, Release, ReleaseReport
+from ransac_fix.report.controls_text import controls_summary, failure_lines
 from ransac_fix.report.verdicts_text import STYLES, WIDEST
 
 if TYPE_CHECKING:
@@ -32,10 +33,8 @@ def print_releases(report: ReleaseReport, console: "Console") -> None:
             console.print(Text(change_line(change)))
         if changes:
             console.print()
-    for control in report.controls:
-        if not control.passed:
-            line = f"control failed: {control.name}: put in {control.expected}, "
-            console.print(Text(line + f"found {control.identified}", style="bold red"))
+    for line in failure_lines(report.controls):
+        console.print(Text(line, style="bold red"))
     console.print(Text(summary_line(report)))
 
 
@@ -82,7 +81,6 @@ def summary_line(report: ReleaseReport) -> str:
             f"{len(report.not_tried)} passed over: a change that was undone between two releases "
             "measured would not show"
         )
-    passed = sum(control.passed for control in report.controls)
-    parts.append(f"{passed} of {len(report.controls)} controls identified")
+    parts.append(controls_summary(report.controls))
     parts.append(f"{report.runs:,} library runs; {report.seconds:.0f} s")
     return "; ".join(parts)

@@ -2,6 +2,7 @@
 
 from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Report, Verdict
+from ransac_fix.report.controls_text import controls_summary
 from ransac_fix.report.markdown import escaped
 from ransac_fix.report.outcomes_text import outcome_summary
 
@@ -35,11 +36,8 @@ def verdicts_markdown(report: Report, surprises: Surprises | None = None) -> str
                 advice += f" {escaped(outcome_summary(verdict.outcomes))}"
             name = f"{verdict.system} {verdict.entry_point}"
             lines.append(f"- **{escaped(name)}**: {escaped(verdict.reason)}.{advice}")
-    passed = sum(control.passed for control in report.controls)
-    summary = (
-        f"{passed} of {len(report.controls)} controls identified; {report.runs:,} library runs "
-        f"in {report.seconds:.0f} s."
-    )
+    controls = controls_summary(report.controls)
+    summary = f"{controls}; {report.runs:,} library runs in {report.seconds:.0f} s."
     return "\n".join([*lines, "", summary])
 
 

@@ -17,6 +17,7 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.audit.sampling import drawing_of
 from ransac_fix.criterion import approximate_all_inlier_probability
+from ransac_fix.report.controls_text import controls_summary, failure_lines
 from ransac_fix.report.outcomes_text import OUTCOMES_LEGEND, outcome_lines
 from ransac_fix.report.text_table import count_text, probability_text
 
@@ -71,10 +72,8 @@ def print_verdicts(report: Report, console: "Console", *, every_point: bool = Fa
         for verdict in of_system:
             _print_verdict(verdict, console, every_point)
         console.print()
-    for control in report.controls:
-        if not control.passed:
-            line = f"control failed: {control.name}: put in {control.expected}, "
-            console.print(Text(line + f"found {control.identified}", style="bold red"))
+    for line in failure_lines(report.controls):
+        console.print(Text(line, style="bold red"))
     measured = [verdict for verdict in report.verdicts if verdict.points or verdict.outcomes]
     legends = [_GUARANTEE_LEGEND] if measured else []
     if any(verdict.outcomes for verdict in measured):
@@ -238,8 +237,7 @@ def _summary(report: Report) -> str:
     for verdict in report.verdicts:
         counts[verdict.verdict] = counts.get(verdict.verdict, 0) + 1
     found = ", ".join(f"{count} {word}" for word, count in counts.items()) or "nothing measured"
-    passed = sum(control.passed for control in report.controls)
     return (
-        f"{found}; {passed} of {len(report.controls)} controls identified; "
+        f"{found}; {controls_summary(report.controls)}; "
         f"{report.runs:,} library runs in {report.seconds:.0f} s"
     )

@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from ransac_fix.audit import session
+from ransac_fix.audit.examination import fixed_in_release
 from ransac_fix.audit.expectations import load_expectations
 from ransac_fix.audit.judge import advise
 from ransac_fix.audit.model import (
@@ -97,6 +98,13 @@ def test_text_fits_the_terminal_and_shows_the_evidence(width):
     assert "0.4800" not in text
     assert "not the success rate" in text
     assert "not installed: kornia" in text
+
+
+def test_text_says_that_no_control_was_measured():
+    console = Console(width=100, record=True, file=io.StringIO())
+    absent = Verdict("kornia", "-", None, "not measured", "not installed")
+    print_verdicts(report(absent, controls=()), console)
+    assert "1 not measured; no controls, as there was nothing to measure;" in console.export_text()
 
 
 @pytest.mark.parametrize(
@@ -376,6 +384,6 @@ def test_options_that_do_not_go_together(arguments, complaint):
 def test_upgrading_is_advised_where_a_newer_release_was_measured(
     system, version, entry_point, fixed
 ):
-    assert session.fixed_in_release(system, version, entry_point) == fixed
+    assert fixed_in_release(system, version, entry_point) == fixed
     advice = advise("undersamples", None, "max_trials", fixed)
     assert advice == (f"Fixed in {fixed}: upgrade." if fixed else "")

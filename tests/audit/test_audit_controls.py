@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from ransac_fix.audit import control_probe, session
+from ransac_fix.audit import control_probe, proof, session
 from ransac_fix.audit.controls import CONTROLS, KINDS, ZOO, controls_for
 from ransac_fix.audit.judge import judge
 from ransac_fix.audit.local import LocalHost
 from ransac_fix.audit.measure import measure
+from ransac_fix.audit.model import Control, OutcomeCount, OutcomeEvidence, Point, Verdict
 from ransac_fix.audit.session import Options
 
 
@@ -94,8 +95,8 @@ def test_a_run_that_ends_with_a_model_in_hand_undersamples(law):
 
 
 def test_no_verdict_is_given_when_a_control_is_misidentified(monkeypatch):
-    failed = session.Control("exact", "this", "that", False, 10)
-    monkeypatch.setattr(session, "measure_controls", lambda options, laws: (failed,))
+    failed = Control("exact", "this", "that", False, 10)
+    monkeypatch.setattr(proof, "measure_controls", lambda laws, seconds, **how: (failed,))
     report = session.audit(Options(("scikit-image",), sys.executable))
     assert [v.verdict for v in report.verdicts] == ["not measured"]
     assert "control was misidentified (exact)" in report.verdicts[0].reason
@@ -116,11 +117,11 @@ def measured_kinds(monkeypatch):
     """The kinds of control that were measured, none of them really."""
     kinds = []
 
-    def pretend(options, laws):
+    def pretend(laws, seconds, **how):
         kinds.append(next(kind for kind in KINDS if laws == controls_for(kind)))
-        return (session.Control(kinds[-1], "this", "this", True, 10),)
+        return (Control(kinds[-1], "this", "this", True, 10),)
 
-    monkeypatch.setattr(session, "measure_controls", pretend)
+    monkeypatch.setattr(proof, "measure_controls", pretend)
     return kinds
 
 
@@ -136,26 +137,74 @@ def test_only_the_controls_that_a_measurement_rests_on_are_measured(measured_kin
     ("system", "entry_point", "kinds"),
     [
         ("gc-ransac", "findRigidTransform(*", {"any", "outcomes"}),
-        ("gc-ransac", "findLine2D", {"any"}),
+        ("gc-ransac", "findLine2D", set()),
         ("opencv", "estimateAffine3D(*", {"any", "outcomes", "no budget"}),
     ],
 )
 def test_the_controls_by_outcomes_are_measured_beside_such_entry_points(
     monkeypatch, measured_kinds, system, entry_point, kinds
 ):
-    monkeypatch.setattr(session, "_audit_entry_point", verdict_by_outcomes)
+    monkeypatch.setattr(session, "examine", examined)
     session.audit(Options((system,), sys.executable, entry_points=(entry_point,)))
     assert set(measured_kinds) == kinds
     assert len(measured_kinds) == len(kinds)
 
 
 def test_the_controls_by_strata_are_measured_beside_such_entry_points(monkeypatch, measured_kinds):
-    monkeypatch.setattr(session, "_audit_entry_point", verdict_by_outcomes)
+    monkeypatch.setattr(session, "examine", examined)
     which = ("estimate_generalized_absolute_pose",)
     session.audit(Options(("poselib",), sys.executable, entry_points=which))
     assert sorted(measured_kinds) == ["any", "strata"]
 
 
-def verdict_by_outcomes(host, system, version, one, options, wrapped):
+def examined(host, system, version, one, problems, **how):
     """Stand in for the measurement, which is not what is looked at."""
-    return session.Verdict(system, one["name"], version, "exact", "why", runs=1)
+    return Verdict(system, one["name"], version, "exact", "why", runs=1)
+
+
+@pytest.mark.parametrize(
+    ("system", "entry_points"),
+    [("colmap", ()), ("scikit-image", ("no such*",))],
+    ids=["not installed", "nothing to measure"],
+)
+def test_no_control_is_measured_where_nothing_else_is(
+    monkeypatch, measured_kinds, tmp_path, system, entry_points
+):
+    probe = session.probe_files()[system].read_text("utf-8")
+    if system == "colmap":
+        probe = probe.replace('"pycolmap"', '"no_such_module"')
+    file = tmp_path / "probe.py"
+    file.write_text(probe, "utf-8")
+    monkeypatch.setattr(session, "probe_files", lambda: {system: file})
+    report = session.audit(Options((system,), sys.executable, entry_points=entry_points))
+    assert [v.verdict for v in report.verdicts] == ["not measured"]
+    assert measured_kinds == []
+    assert (report.controls, report.runs) == ((), 0)
+
+
+def counted(max_trials, confidence):
+    return OutcomeCount(9, 3, 1, confidence, max_trials, 5, 5, 5, None, None, None)
+
+
+POINT = Point(9, 4, 2, 20, 3.0, 2.9, 5, "flip", ((2, 5), (2, 4)))
+EVIDENCE = OutcomeEvidence(15, 1e-6, (), "law", (), None, -20.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "kinds"),
+    [
+        ({}, ["any"]),
+        ({"verdict": "not measured", "outcomes": EVIDENCE}, []),
+        ({"points": (POINT,)}, ["any", "strata"]),
+        ({"outcomes": replace(EVIDENCE, counts=(counted(4, None),))}, ["any", "outcomes"]),
+        (
+            {"outcomes": replace(EVIDENCE, counts=(counted(1, 0.9), counted(1, None)))},
+            ["any", "outcomes", "no budget"],
+        ),
+    ],
+    ids=["points", "no verdict", "strata", "outcomes", "no budget"],
+)
+def test_the_controls_of_a_kept_verdict_follow_from_its_evidence(measured_kinds, found, kinds):
+    verdict = replace(Verdict("small", "fit", "1.0", "exact", "why"), **found)
+    controls = proof.Controls(20.0).measured([verdict, verdict])
+    assert [control.name for control in controls] == measured_kinds == kinds

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 from small_releases import EXACT, LIBRARY, PROBE, write_releases
 
-from ransac_fix.audit import session
-from ransac_fix.audit.controls import NO_BUDGET_CONTROLS, OUTCOME_CONTROLS
+from ransac_fix.audit import proof, session
+from ransac_fix.audit.controls import OUTCOME_CONTROLS, controls_for
 from ransac_fix.audit.model import Control, OutcomeEvidence, Verdict
 from ransac_fix.audit.releases import matrix, packages
 from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
@@ -39,7 +39,7 @@ def small(tmp_path_factory):
         patched.setenv("PIP_FIND_LINKS", str(folder))
         for module in (session, matrix):
             patched.setattr(module, "probe_files", lambda: {"small": probe})
-        patched.setattr(matrix, "measure_controls", lambda options: (CONTROL,))
+        patched.setattr(proof, "measure_controls", lambda laws, seconds, **how: (CONTROL,))
         yield folder
 
 
@@ -99,7 +99,8 @@ def test_what_cannot_be_had_says_why_in_one_line(measured, version, reason):
 
 def test_entry_points_are_chosen_by_pattern(small):
     def audited(*patterns):
-        return session.audit_system("small", Options((), sys.executable, entry_points=patterns))
+        chosen = Options((), sys.executable, entry_points=patterns)
+        return session.audit_system("small", chosen, proof.Controls(chosen.seconds))
 
     with pytest.MonkeyPatch.context() as patched:
         # The library is found where the wheels are not unpacked: as it stands.
@@ -147,16 +148,16 @@ def test_verdicts_by_outcomes_are_proved_by_a_control_seen_so(small, monkeypatch
     monkeypatch.setattr(matrix, "audit_system", lambda *_: [verdict])
     asked = []
 
-    def controls(_, laws=()):
+    def controls(laws, seconds, **how):
         asked.append(laws)
-        return (replace(CONTROL, name="by outcomes"),) if laws else (CONTROL,)
+        by_outcomes = laws == OUTCOME_CONTROLS
+        return (replace(CONTROL, name="by outcomes" if by_outcomes else "exact"),)
 
-    for module in (matrix, session):
-        monkeypatch.setattr(module, "measure_controls", controls)
+    monkeypatch.setattr(proof, "measure_controls", controls)
     for _ in range(2):
         report = search([replace(ASKED, versions=("2.0",))], options(tmp_path))
         assert [control.name for control in report.controls] == ["exact", "by outcomes"]
-    assert asked == [(), (*OUTCOME_CONTROLS, *NO_BUDGET_CONTROLS)] * 2
+    assert asked == [controls_for("any"), OUTCOME_CONTROLS] * 2
 
 
 KILLED = """

@@ -10,6 +10,7 @@ import pytest
 
 from ransac_fix.audit import session, worker
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
+from ransac_fix.audit.proof import Controls
 from ransac_fix.audit.session import Options
 
 HEAD = """
@@ -43,9 +44,9 @@ def probe(tmp_path: Path, body: str, module: str = "json") -> Path:
 
 def audit(file: Path, seconds: float = 20.0):
     options = Options((), sys.executable, seconds)
-    crew = session._Crew([session._Job("invented", file)], options, lambda _: None)
-    crew.work()
-    (job,) = crew.jobs
+    job = session._Job("invented", file)
+    crew = session._Crew([job], options, lambda _: None, Controls(seconds))
+    crew._drive(job)
     return job.verdicts() if job.installed else None
 
 

@@ -4,7 +4,7 @@ import hashlib
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion, Version
 
-from ransac_fix.audit.model import Control
+from ransac_fix.audit.proof import Controls
 from ransac_fix.audit.releases.bisect import bisect
 from ransac_fix.audit.releases.environments import Environments
 from ransac_fix.audit.releases.folders import kept_folder, scratch_folder
@@ -28,8 +28,6 @@ from ransac_fix.audit.session import (
     Options,
     audit_system,
     chosen_probes,
-    controls_by_outcomes,
-    measure_controls,
     probe_files,
 )
 from ransac_fix.errors import RansacFixError
@@ -162,11 +160,9 @@ def measure_releases(
     with _Bench(options, progress) as bench:
         wanted = [(one, version) for one in requests for version in bench.releases(one)]
         with _pool() as pool:
-            controls = pool.submit(measure_controls, options.options)
             waiting = [pool.submit(bench.measure, *one) for one in dict.fromkeys(wanted)]
             releases = [one.result() for one in waiting]
-        proved = _proved(controls.result(), releases, options.options)
-        return report_on(releases, proved, time.monotonic() - started)
+        return bench.report(releases, started)
 
 
 def find_changes(
@@ -197,7 +193,6 @@ def find_changes(
     with _Bench(options, progress) as bench:
         histories = [(one, bench.releases(one)) for one in requests]
         with _pool() as pool:
-            controls = pool.submit(measure_controls, options.options)
             waiting = [
                 pool.submit(bisect, versions, partial(bench.measure, one))
                 for one, versions in histories
@@ -210,20 +205,11 @@ def find_changes(
             if version not in {release.version for release in releases}
         ]
         releases = [release for of_one in found for release in of_one]
-        proved = _proved(controls.result(), releases, options.options)
-        return report_on(releases, proved, time.monotonic() - started, not_tried)
-
-
-def _proved(
-    controls: tuple[Control, ...], releases: Iterable[Release], options: Options
-) -> tuple[Control, ...]:
-    """Add the control that verdicts by outcomes rest on, where there are such."""
-    verdicts = [verdict for release in releases for verdict in release.verdicts]
-    return controls + controls_by_outcomes(verdicts, options)
+        return bench.report(releases, started, not_tried)
 
 
 class _Bench:
-    """What the measurements of one run share: pip, the environments, the results."""
+    """What the measurements of one run share: pip, the environments, the results, the controls."""
 
     def __init__(self, options: MatrixOptions, progress: Callable[[str], object]) -> None:
         self._options = options
@@ -232,6 +218,7 @@ class _Bench:
         # A constraint can change what is measured.
         constraint = options.constraint
         self._constraint = "" if constraint is None else _digest(constraint.read_bytes())
+        self._controls = Controls(options.options.seconds, quick=options.options.quick)
         self._stack = ExitStack()
 
     def __enter__(self) -> "_Bench":
@@ -291,6 +278,14 @@ class _Bench:
         self._progress(named)
         return release
 
+    def report(
+        self, releases: Sequence[Release], started: float, not_tried: Sequence[str] = ()
+    ) -> ReleaseReport:
+        """Report what was found since then, proved by the controls that it rests on."""
+        verdicts = [verdict for release in releases for verdict in release.verdicts]
+        controls = self._controls.measured(verdicts)
+        return report_on(releases, controls, time.monotonic() - started, not_tried)
+
     def _known_or_tried(self, release: Release) -> Release:
         chosen = self._options.options
         choice = (*chosen.entry_points, str(chosen.quick), str(chosen.problems), self._constraint)
@@ -323,7 +318,7 @@ class _Bench:
         wheels = [one for one in wheels if _is(one, release.distribution)] + others
         with self._environments.holding(wheels) as python:
             options = replace(self._options.options, systems=(release.system,), python=python)
-            verdicts = audit_system(release.system, options, self._progress)
+            verdicts = audit_system(release.system, options, self._controls, self._progress)
         return replace(
             release,
             dependencies=tuple(sorted(f"{one.name}=={one.version}" for one in others)),

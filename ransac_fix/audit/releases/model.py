@@ -7,6 +7,7 @@ from typing import Literal
 from packaging.version import Version
 
 from ransac_fix.audit.model import Control, Judgement, Verdict
+from ransac_fix.audit.proof import objection
 
 SCHEMA_VERSION: Literal[1] = 1
 
@@ -128,9 +129,8 @@ def report_on(
     ReleaseReport
     """
     ordered = in_order(releases)
-    failed = [control.name for control in controls if not control.passed]
-    if failed:
-        why = f"a control was misidentified ({', '.join(failed)}), so no verdict is given"
+    why = objection(controls)
+    if why:
         ordered = [replace(one, unmeasured=why, verdicts=()) for one in ordered]
     runs = sum(control.runs for control in controls)
     runs += sum(verdict.runs for one in ordered for verdict in one.verdicts)
