@@ -145,6 +145,9 @@ def command(
     """
     from importlib.metadata import entry_points as installed_entry_points
 
+    from ransac_fix.cli.extras import need
+
+    need("numpy", extra="audit")
     from ransac_fix.audit.expectations import compare, load_expectations
     from ransac_fix.audit.session import Options, audit
 

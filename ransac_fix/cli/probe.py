@@ -47,6 +47,9 @@ def command(
 
     Exit codes: 0 when it does not undersample, 1 when it does, 2 when it could not be measured.
     """
+    from ransac_fix.cli.extras import need
+
+    need("numpy", extra="audit")
     from ransac_fix.audit.session import Options, audit_function
     from ransac_fix.cli.audit import exit_code, show
     from ransac_fix.errors import RansacFixError

@@ -3,14 +3,13 @@
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from ransac_fix.cli.extras import need
 from ransac_fix.cli.progress import progress_bar
-from ransac_fix.errors import RansacFixError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -185,7 +184,7 @@ def _synthetic(shape: "Shape", line: str) -> None:
             raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
         if variants and output_format == "json":
             raise click.UsageError("--variants has no JSON: choose text or markdown")
-        _need("numba")
+        need("numba", extra="reproduce")
         from ransac_fix.experiments.synthetic.engine import run_setups
         from ransac_fix.experiments.synthetic.setup import SAMPLE_SIZE, Setup, paper_row
         from ransac_fix.experiments.synthetic.tables import summarise, with_changes
@@ -240,22 +239,13 @@ def _row_inliers(ratio: str, n_samples: int) -> int:
         raise click.UsageError(f"--inlier-ratio {ratio}: {error}") from None
 
 
-def _need(*modules: str) -> None:
-    """Raise a RansacFixError that names the extra if a module is not installed."""
-    missing = [name for name in modules if find_spec(name) is None]
-    if missing:
-        raise RansacFixError(
-            f"this needs {', '.join(missing)}: pip install 'ransac-fix[reproduce]'"
-        )
-
-
 @command.command(help="Speed of the synthetic tables, beside the machine's peak and scikit-image.")
 @click.option(
     "--output-format", type=click.Choice(["text", "markdown"]), default="text", show_default=True
 )
 def speed(output_format: str) -> None:
     """Time the hardest and the easiest row of each table on one core."""
-    _need("numba", "skimage", "threadpoolctl")
+    need("numba", "skimage", "threadpoolctl", extra="reproduce")
     from ransac_fix.experiments.synthetic.speed import measure_speed, speed_rows
     from ransac_fix.report.synthetic import speed_text
 
@@ -515,7 +505,7 @@ def _pose_rows(
     """Load, run and summarise."""
     if jobs == 0:
         raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
-    _need("cv2", "poselib", "pycolmap", "skimage")
+    need("cv2", "poselib", "pycolmap", "skimage", extra="reproduce")
     from ransac_fix.experiments.pose.engine import Store, choose_pairs, run_problems
     from ransac_fix.experiments.pose.loaders import load_problems, load_stereo_pair
     from ransac_fix.experiments.pose.runs import Settings

@@ -84,3 +84,11 @@ def test_a_wrong_command_is_one_clear_error(arguments: list[str]) -> None:
     assert done.returncode == 2
     assert "nonsense" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["audit"], ["probe", "a:b", "--problem", "line"]])
+def test_what_measures_names_the_extra_where_there_is_no_numpy(arguments: list[str]) -> None:
+    code = "import sys; sys.modules['numpy'] = None; from ransac_fix.cli import main; main()"
+    done = run("-c", code, *arguments)
+    assert done.returncode == 2
+    assert done.stderr == ("ransac-fix: error: this needs numpy: pip install 'ransac-fix[audit]'\n")
