@@ -8,6 +8,8 @@ from time import perf_counter
 
 import click
 
+_SAMPLE = 100
+
 
 @click.command(
     "trace",
@@ -30,9 +32,7 @@ import click
 @click.option(
     "--sample",
     type=click.IntRange(min=1),
-    default=100,
-    show_default=True,
-    help="With --verify: how many calls.",
+    help=f"With --verify: how many calls.  [default: {_SAMPLE}]",
 )
 @click.argument("target")
 @click.argument("args", nargs=-1, type=click.UNPROCESSED)
@@ -42,7 +42,7 @@ def command(
     as_module: bool,
     json_file: Path | None,
     verify: bool,
-    sample: int,
+    sample: int | None,
     target: str,
     args: tuple[str, ...],
 ) -> None:
@@ -63,19 +63,20 @@ def command(
     line = command_line(target, args, as_module=as_module)
     if startup.off():
         raise click.UsageError("RANSAC_FIX=0 is set: nothing can be traced")
+    if sample is not None and not verify:
+        raise click.UsageError("--sample says how many calls --verify makes again: add --verify")
+    n_again = (sample or _SAMPLE) if verify else 0
     if json_file is not None and not json_file.absolute().parent.is_dir():
         raise click.UsageError(f"there is no folder {json_file.absolute().parent} for the report")
     folder = tempfile.mkdtemp(prefix="ransac_fix_trace_")
-    if verify:
-        request(folder, sample)
+    if n_again:
+        request(folder, n_again)
     environ = dict(os.environ)
     tracing.environment(environ, folder)
     start = perf_counter()
     with subprocess.Popen(line, env=environ) as program:  # noqa: S603 -- running it is the purpose
         code = _wait(program)
-    report = tracing.collect(
-        Recorder(folder, write=False), perf_counter() - start, verify=sample if verify else 0
-    )
+    report = tracing.collect(Recorder(folder, write=False), perf_counter() - start, verify=n_again)
     if json_file is not None:
         from ransac_fix.report.trace_json import trace_json
 

@@ -18,9 +18,14 @@ all-inlier sample of any other set of I inliers with probability s. It is a guar
 what may still be missed, not the success rate of a whole run."""
 
 
+# Where the numbers of the last two columns come from.
+ROUNDING = """\
+N is rounded up; the last two columns take it as it is before, as the paper does."""
+
+
 def explanation_text(explanation: Explanation) -> str:
     """Return the whole explanation: both rules, each sampling law, limits, enumeration."""
-    parts = [_question(explanation), _laws(explanation), _verdict(explanation)]
+    parts = [_question(explanation), f"{_laws(explanation)}\n{ROUNDING}", _verdict(explanation)]
     if explanation.problem.has_limits:
         parts.append(_limits(explanation))
     parts += [_enumeration(explanation), PROMISE]
@@ -119,6 +124,8 @@ def _verdict(explanation: Explanation) -> str:
     trials = explanation.approximate_trials
     if law.n_all_inlier_subsets == 0:
         return f"No all-inlier sample exists ({drawn}): no number of trials is enough."
+    if explanation.problem.confidence == 1 and trials is None:
+        return "No number of random trials is certain: at s = 1 neither rule ever stops."
     if law.required_trials == trials:
         return f"Samples drawn {drawn}: both rules run the same trials here."
     return (

@@ -312,3 +312,9 @@ def test_numbers_are_not_rounded_into_others():
     assert percent_text(None) == "infinite"
     assert probability_text(1 - 1e-9) == "1 - 1e-09"
     assert probability_text(0.000123468) == "0.0001235"
+
+
+def test_certainty_is_said_to_be_out_of_reach():
+    text = run("--n", "50", "--inliers", "15", "--k", "5", "--confidence", "1")
+    assert "at s = 1 neither rule ever stops" in text
+    assert "the same trials" not in text

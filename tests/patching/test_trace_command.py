@@ -147,6 +147,7 @@ def test_no_library(trace: Callable[..., Any], tmp_path: Path) -> None:
         (["no/such.py"], {}, "there is no file 'no/such.py'"),
         (["-m", "json.tool"], {"RANSAC_FIX": "0"}, "nothing can be traced"),
         (["--json", "no/such/folder.json", "-m", "json.tool"], {}, "there is no folder"),
+        (["--sample", "5", "-m", "json.tool"], {}, "add --verify"),
     ],
 )
 def test_bad_arguments(
