@@ -18,10 +18,12 @@ def command() -> None:
     show_default=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
+    help="The file to write.",
 )
 @click.option("--isolated", is_flag=True, help="Ignore every configuration file.")
 def update(paths: tuple[str, ...], baseline: Path, isolated: bool) -> None:
     """Scan PATH and write what is found as the baseline."""
+    from ransac_fix.errors import RansacFixError
     from ransac_fix.scan import scan_paths
     from ransac_fix.scan.baseline import write_baseline
     from ransac_fix.scan.configuration import Configuration, find_configuration
@@ -36,5 +38,10 @@ def update(paths: tuple[str, ...], baseline: Path, isolated: bool) -> None:
         excludes=(*DEFAULT_EXCLUDES, *settings.extend_exclude),
         respect_gitignore=settings.respect_gitignore,
     )
+    for error in result.errors:
+        where = error.path if error.line is None else f"{error.path}:{error.line}"
+        click.echo(f"{where}: {error.code} {error.message}", err=True)
+    if any(error.named for error in result.errors):
+        raise RansacFixError(f"{baseline} is not written: a named file could not be scanned")
     count = write_baseline(result.findings, baseline)
     click.echo(f"{baseline}: {count} finding{'' if count == 1 else 's'}.")

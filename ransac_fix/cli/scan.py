@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from ransac_fix.scan import FixStyle, ScanError, ScanResult
     from ransac_fix.scan.fixing import FixedFile
@@ -122,12 +122,14 @@ def command(
     named file could not be read or the arguments are wrong. Notes (RFX007) alone give 0, unless
     --select names them.
     """
+    import shutil
     from dataclasses import replace
     from pathlib import Path
 
     from ransac_fix.cli.progress import progress_bar
     from ransac_fix.errors import RansacFixError
-    from ransac_fix.scan import scan_paths, scan_text
+    from ransac_fix.scan import ScanResult, scan_paths, scan_text
+    from ransac_fix.scan.baseline import compare
     from ransac_fix.scan.cache import default_cache
     from ransac_fix.scan.configuration import Configuration, find_configuration
     from ransac_fix.scan.files import DEFAULT_EXCLUDES
@@ -136,26 +138,25 @@ def command(
     settings = Configuration() if isolated else find_configuration(paths)
     fix_style = fix_style or settings.fix_style
     selected, ignored = _codes(select) or settings.select, _codes(ignore) or settings.ignore
+    if python is not None and shutil.which(python) is None:
+        raise click.BadParameter(f"there is no program {python!r}", param_hint="--python")
     contents: dict[str, bytes] = {}
     changed = False
     if "-" in paths:
         if paths != ("-",):
             raise click.UsageError("`-`, standard input, cannot be scanned beside files")
-        name = stdin_filename or "<stdin>"
-        contents[name] = sys.stdin.buffer.read()
-        result = scan_text(
-            contents[name],
-            name,
-            select=selected,
-            ignore=ignored,
-            fix_style=fix_style,
-            python=python,
-        )
-    else:
-        if respect_gitignore is None:
-            respect_gitignore = settings.respect_gitignore
+        contents[stdin_filename or "<stdin>"] = sys.stdin.buffer.read()
+    if respect_gitignore is None:
+        respect_gitignore = settings.respect_gitignore
+
+    def look() -> ScanResult:
+        if contents:
+            ((name, data),) = contents.items()
+            return scan_text(
+                data, name, select=selected, ignore=ignored, fix_style=fix_style, python=python
+            )
         with progress_bar("scanning") as progress:
-            result = scan_paths(
+            return scan_paths(
                 paths,
                 jobs=jobs,
                 dask_scheduler=dask,
@@ -168,10 +169,10 @@ def command(
                 python=python,
                 progress=progress,
             )
-    if baseline is not None:
-        from ransac_fix.scan.baseline import compare
 
-        compared = compare(result, Path(baseline))
+    result = look()
+    if baseline is not None:
+        compared = compare(result, Path(baseline), paths)
         result = compared.result
         click.echo(_compared(compared.known, len(compared.gone)), err=True)
     if fix or diff:
@@ -179,42 +180,48 @@ def command(
 
         fixed, errors = fix_findings(result.findings, unsafe=unsafe_fixes, contents=contents)
         if diff:
-            click.echo("".join(one.diff() for one in fixed), nl=False)
-            _report_errors(errors)
-            ctx.exit(_EXIT_FINDINGS if fixed and not exit_zero else 0)
-        done, unwritten = _write(fixed, contents)
-        changed = bool(done)
-        left = [one for one in result.findings if one.fix is not None and id(one) not in done]
-        if left and not unsafe_fixes:
-            click.echo(f"--unsafe-fixes would fix {len(left)} more.", err=True)
-        result = replace(
-            result,
-            findings=tuple(one for one in result.findings if id(one) not in done),
-            errors=(*result.errors, *errors, *unwritten),
-        )
+            result = replace(result, errors=(*result.errors, *errors))
+        else:
+            written, unwritten = _write(fixed, contents)
+            if written:
+                # What is left stands elsewhere now.
+                changed = True
+                if contents:
+                    contents = {one.path: one.encoded() for one in written}
+                result = look()
+                if baseline is not None:
+                    result = compare(result, Path(baseline), paths).result
+            left = sum(one.fix is not None and not one.fix.safe for one in result.findings)
+            if left and not unsafe_fixes:
+                click.echo(f"--unsafe-fixes would fix {left} more.", err=True)
+            result = replace(result, errors=(*result.errors, *errors, *unwritten))
     writers = _writers()
     for name, file in files:
         try:
             Path(file).write_text(writers[name](result), encoding="utf-8")
         except OSError as error:
             raise RansacFixError(f"cannot write {file}: {error.strerror or error}") from None
-    # Standard output holds the fixed source where there is one.
-    click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
+    if diff:
+        click.echo("".join(one.diff() for one in fixed), nl=False)
+        _report_errors(result.errors)
+    else:
+        # Standard output holds the fixed source where there is one.
+        click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
     if any(error.named for error in result.errors):
         ctx.exit(_EXIT_ERROR)
-    if (result.warnings and not exit_zero) or (changed and exit_non_zero_on_fix):
+    found = bool(fixed) if diff else bool(result.warnings)
+    if (found and not exit_zero) or (changed and exit_non_zero_on_fix):
         ctx.exit(_EXIT_FINDINGS)
 
 
 def _write(
     fixed: "list[FixedFile]", contents: dict[str, bytes]
-) -> "tuple[set[int], list[ScanError]]":
-    """Write the fixed files; give which findings are gone, and what could not be written."""
+) -> "tuple[list[FixedFile], list[ScanError]]":
+    """Write the fixed files; give those that were, and what could not be written."""
     from ransac_fix.scan import ScanError
 
-    done: set[int] = set()
+    written: list[FixedFile] = []
     errors: list[ScanError] = []
-    files = 0
     for one in fixed:
         if one.path not in contents:
             try:
@@ -223,18 +230,18 @@ def _write(
                 message = f"cannot be written: {error.strerror or error}"
                 errors.append(ScanError(one.path, message, named=True))
                 continue
-        files += 1
-        done |= {id(finding) for finding in one.fixed}
+        written.append(one)
     for name, data in contents.items():
         own = next((one for one in fixed if one.path == name), None)
         sys.stdout.buffer.write(data if own is None else own.encoded())
         sys.stdout.buffer.flush()
-    findings = f"{len(done)} finding{'' if len(done) == 1 else 's'}"
+    done, files = sum(len(one.fixed) for one in written), len(written)
+    findings = f"{done} finding{'' if done == 1 else 's'}"
     click.echo(f"Fixed {findings} in {files} file{'' if files == 1 else 's'}.", err=True)
-    return done, errors
+    return written, errors
 
 
-def _report_errors(errors: "list[ScanError]") -> None:
+def _report_errors(errors: "Sequence[ScanError]") -> None:
     for error in errors:
         click.echo(f"{error.path}: {error.code} {error.message}", err=True)
 
@@ -246,7 +253,7 @@ def _codes(values: tuple[str, ...]) -> tuple[str, ...]:
 def _compared(known: int, gone: int) -> str:
     text = f"{known} finding{'' if known == 1 else 's'} known to the baseline"
     if gone:
-        text += f", {gone} of it gone since: `ransac-fix baseline update` forgets what was fixed"
+        text += f", {gone} more in it gone since: `ransac-fix baseline update` takes these out"
     return f"{text}."
 
 

@@ -7,7 +7,7 @@ same the number counts.
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -37,7 +37,7 @@ class Compared:
     known : int
         How many findings the baseline knows of.
     gone : tuple of Known
-        What the baseline knows of and the scan did not find: fixed since, or not scanned.
+        What the baseline knows of in these paths and the scan did not find: fixed since.
     """
 
     result: ScanResult
@@ -72,8 +72,16 @@ def write_baseline(findings: Iterable[Finding], path: Path) -> int:
     return sum(counted.values())
 
 
-def compare(result: ScanResult, path: Path) -> Compared:
+def compare(result: ScanResult, path: Path, scanned: Sequence[str | os.PathLike[str]]) -> Compared:
     """Take what a baseline knows of out of a scan.
+
+    Parameters
+    ----------
+    result : ScanResult
+    path : Path
+        The baseline.
+    scanned : sequence of path
+        The files and folders that were scanned: of others nothing is known.
 
     Raises
     ------
@@ -90,8 +98,17 @@ def compare(result: ScanResult, path: Path) -> Compared:
             known += 1
         else:
             new.append(finding)
-    gone = tuple(sorted(left.elements()))
+    root = path.absolute().parent
+    below = [Path(one).absolute() for one in scanned]
+    gone = tuple(
+        known for known in sorted(left.elements()) if _is_below((root / known.path), below)
+    )
     return Compared(replace(result, findings=tuple(new)), known, gone)
+
+
+def _is_below(path: Path, folders: Sequence[Path]) -> bool:
+    path = Path(os.path.normpath(path))
+    return any(path.is_relative_to(os.path.normpath(one)) for one in folders)
 
 
 def _read(path: Path) -> Counter[Known]:

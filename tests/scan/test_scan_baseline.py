@@ -50,7 +50,7 @@ def test_known_findings_are_not_reported(tmp_path, source):
     source.write_text("")
     gone = CliRunner().invoke(cli, args)
     assert gone.exit_code == 0
-    assert "1 of it gone since" in gone.stderr
+    assert "1 more in it gone since" in gone.stderr
 
 
 def test_paths_are_relative_to_the_baseline(tmp_path, source, monkeypatch):
@@ -59,7 +59,7 @@ def test_paths_are_relative_to_the_baseline(tmp_path, source, monkeypatch):
     (entry,) = json.loads(baseline.read_text())["findings"]
     assert entry["path"] == "src/ransac.py"
     monkeypatch.chdir(source.parent)
-    assert compare(scan_paths(["ransac.py"]), baseline).known == 1
+    assert compare(scan_paths(["ransac.py"]), baseline, ["ransac.py"]).known == 1
 
 
 @pytest.mark.parametrize(
@@ -70,4 +70,30 @@ def test_what_is_no_baseline_is_an_error(tmp_path, source, text):
     if text is not None:
         baseline.write_text(text)
     with pytest.raises(RansacFixError, match="cannot read the baseline"):
-        compare(scan_paths([source]), baseline)
+        compare(scan_paths([source]), baseline, [source])
+
+
+def test_of_files_that_were_not_scanned_nothing_is_said(tmp_path, source, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    other = tmp_path / "src" / "other.py"
+    other.write_text(RULE)
+    update = ["baseline", "update", "src"]
+    assert CliRunner().invoke(cli, update).output == "ransac-fix-baseline.json: 2 findings.\n"
+    scan = ["scan", "--baseline", "ransac-fix-baseline.json"]
+    said = CliRunner().invoke(cli, [*scan, "src/other.py"]).output
+    assert said.startswith("1 finding known to the baseline.\n")
+    other.unlink()
+    said = CliRunner().invoke(cli, [*scan, "./src"]).output
+    assert said.startswith("1 finding known to the baseline, 1 more in it gone since: ")
+
+
+def test_no_baseline_is_written_without_a_named_file(tmp_path):
+    broken, baseline = tmp_path / "broken.py", tmp_path / "known.json"
+    broken.write_text("def ransac(:\n    log(1 - w**k)\n")
+    with pytest.raises(RansacFixError, match="could not be scanned"):
+        CliRunner().invoke(
+            cli,
+            ["baseline", "update", str(broken), "--baseline", str(baseline)],
+            catch_exceptions=False,
+        )
+    assert not baseline.exists()

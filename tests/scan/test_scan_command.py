@@ -182,3 +182,42 @@ def test_comments_that_set_aside(rule, comment, code):
 def test_a_comment_in_a_string_sets_nothing_aside(rule):
     rule.write_text(RULE.replace("w**k)\n", "w**k), '# ransac-fix: ignore'\n"))
     run(rule, code=1)
+
+
+def test_what_a_fix_leaves_is_reported_where_it_stands_now(tmp_path):
+    loop = tmp_path / "loop.py"
+    loop.write_text(
+        "import math\n"
+        "def ransac(points, fit, s):\n"
+        "    trials, best, t = 1000, 0, 0\n"
+        "    while t < trials:\n"
+        "        inliers = fit(points)\n"
+        "        if len(inliers) > best:\n"
+        "            best = len(inliers)\n"
+        "            trials = math.log(1 - s) / math.log(1 - (best / len(points)) ** 3)\n"
+        "        t += 1\n"
+    )
+    text = run(loop, "--fix", "--output-format", "concise", code=1)
+    line = (
+        loop.read_text()
+        .splitlines()
+        .index(
+            "            trials = math.log(1 - s) / math.log("
+            "1 - _all_inlier_probability(best, len(points), 3))"
+        )
+    )
+    assert f"{loop}:{line + 1}:22: RFX005 " in text
+    assert text.endswith("1 finding in 1 of 1 file.\n")
+
+
+def test_a_diff_does_not_hide_that_a_file_could_not_be_read(tmp_path, rule):
+    broken = tmp_path / "broken.py"
+    broken.write_text("def ransac(:\n    log(1 - w**k)\n")
+    assert "RFX900" in run(broken, "--diff", code=2)
+    report = tmp_path / "report.json"
+    run(rule, "--diff", "--output", f"json:{report}", code=1)
+    assert [one["code"] for one in json.loads(report.read_text())["findings"]] == ["RFX001"]
+
+
+def test_an_interpreter_that_is_not_there_is_an_error(rule):
+    assert "there is no program" in run(rule, "--python", "/no/such/python", code=2)

@@ -183,11 +183,15 @@ def _certainty(read: ReadSite, *, sure: bool) -> Certainty:
     """Say how sure: a ratio that callers pass may be one that never comes near an end."""
     if sure:
         return read.certainty or "low"
-    ratio = read.site.probability.ratio
-    known = read.site.probability.n_inliers is not None or (
-        ratio is not None and algebra.counts_of(ratio) is not None
+    return "medium" if _has_counts(read) and read.certainty != "low" else "low"
+
+
+def _has_counts(read: ReadSite) -> bool:
+    """Whether the rule is made of numbers of inliers and samples, which can be the same."""
+    probability = read.site.probability
+    return probability.n_inliers is not None or (
+        probability.ratio is not None and algebra.counts_of(probability.ratio) is not None
     )
-    return "medium" if known and read.certainty != "low" else "low"
 
 
 def _hazard(read: ReadSite, file: ScannedFile) -> str | None:
@@ -256,10 +260,12 @@ def _comes_near_one(
 
 
 def _fails_on_all_inliers(read: ReadSite, path: "_Path", file: ScannedFile) -> bool:
-    ratio, log = read.site.probability.ratio, path.log
-    if file.language not in ("python", "notebook") or path.bounded or log is None:
+    log = path.log
+    # What a fix calls guards the other end only.
+    bounded = path.bounded and "all_inlier_probability(" not in read.expression
+    if file.language not in ("python", "notebook") or bounded or log is None:
         return False
-    if ratio is None or algebra.counts_of(ratio) is None or log.span is None:
+    if not _has_counts(read) or log.span is None:
         return False
     if not any(one.loops for one in read.site.seen):
         return False  # whoever calls it may know better
