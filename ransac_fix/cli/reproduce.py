@@ -508,7 +508,7 @@ def _pose_rows(
     need("cv2", "poselib", "pycolmap", "skimage", extra="reproduce")
     from ransac_fix.experiments.pose.engine import Store, choose_pairs, run_problems
     from ransac_fix.experiments.pose.loaders import load_problems, load_stereo_pair
-    from ransac_fix.experiments.pose.runs import Settings
+    from ransac_fix.experiments.pose.runs import Patch, Settings
     from ransac_fix.experiments.pose.tables import summarise
 
     problems = load_stereo_pair() if data is None else load_problems(data)
@@ -525,11 +525,12 @@ def _pose_rows(
             + (f" in the data sets named {', '.join(datasets)}" if datasets else "")
         )
     if patch:
-        from ransac_fix.patching import patched as patched_library
+        from ransac_fix.patching import patched
+        from ransac_fix.patching.sources import sources_digest
     rows = []
     for library in libraries:
-        patched = partial(patched_library, library) if patch else None
-        settings = Settings(library, ns, confidences, repeats, cap, seed, patched)
+        how = Patch(partial(patched, library), sources_digest(library)) if patch else None
+        settings = Settings(library, ns, confidences, repeats, cap, seed, how)
         with progress_bar(f"pose, {library}") as progress:
             cases = run_problems(
                 problems,

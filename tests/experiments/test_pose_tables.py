@@ -17,9 +17,10 @@ from ransac_fix.experiments.pose import engine
 from ransac_fix.experiments.pose.engine import Store, choose_pairs, run_problems
 from ransac_fix.experiments.pose.libraries import LIBRARIES
 from ransac_fix.experiments.pose.loaders import load_stereo_pair
-from ransac_fix.experiments.pose.runs import Case, RuleRun, Settings, run_case
+from ransac_fix.experiments.pose.runs import Case, Patch, RuleRun, Settings, run_case
 from ransac_fix.experiments.pose.stopping import first_stop
 from ransac_fix.experiments.pose.tables import PAPER, PAPER_MILLISECONDS, summarise
+from ransac_fix.patching import sources
 from ransac_fix.report.pose import PoseDocument, pose_markdown, pose_text
 
 CONFIDENCE = 0.99
@@ -218,9 +219,10 @@ def test_what_changes_a_result_is_not_taken_from_the_store(pair, tmp_path):
         store.key(problem, 20, 0, replace(settings, cap=1)),
         store.key(problem, 20, 0, replace(settings, seed=1)),
         store.key(problem, 20, 0, replace(settings, confidences=(0.9,))),
-        store.key(problem, 20, 0, replace(settings, patched=nullcontext)),
+        store.key(problem, 20, 0, replace(settings, patch=Patch(nullcontext, "1"))),
+        store.key(problem, 20, 0, replace(settings, patch=Patch(nullcontext, "2"))),
     }
-    assert len(keys) == 10
+    assert len(keys) == 11
     assert store.key(problem, 20, 0, replace(settings, repeats=9)) in keys
 
 
@@ -338,6 +340,22 @@ def test_patched_libraries_are_compared_with_bare_ones():
     text = run(*args, "--library", "opencv")
     assert "bare" in text
     assert "patched" in text
+
+
+def test_a_changed_wrapper_is_run_again(tmp_path, monkeypatch):
+    """Kept results of the bare library hold, those of a patch with other sources do not."""
+    args = ["pose", "--repeats", "2", "--n", "20", "--kind", "pnp", "--results", str(tmp_path)]
+
+    def kept():
+        return len((tmp_path / "pose.jsonl").read_text("utf-8").split("\n")) - 1
+
+    counts = []
+    for digest in ("one", "one", "other"):
+        monkeypatch.setattr(sources, "sources_digest", lambda name, digest=digest: digest)
+        for more in ([], ["--patched"]):
+            run(*args, *more)
+        counts.append(kept())
+    assert counts == [4, 4, 6]
 
 
 def test_json_follows_the_schema():

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import msgspec
 
+from ransac_fix import criterion
 from ransac_fix.audit.host import NO_ANSWER
 from ransac_fix.audit.releases.model import Release
+from ransac_fix.digests import digest_of_files
 
 _AUDIT = Path(__file__).parent.parent
 
@@ -62,8 +64,5 @@ def key_of(release: Release, *choice: str) -> str:
 @cache
 def probe_version(probe_file: Path) -> str:
     """Digest a probe and the sources that measure with it."""
-    digest = hashlib.sha256(probe_file.read_bytes())
     sources = [*_AUDIT.glob("*.py"), *(_AUDIT / "worker").glob("*.py")]
-    for path in [*sorted(sources), _AUDIT.parent / "criterion.py"]:
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
+    return digest_of_files([probe_file, *sorted(sources), Path(criterion.__file__)])

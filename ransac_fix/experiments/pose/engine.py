@@ -10,7 +10,6 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ransac_fix._version import __version__
 from ransac_fix.errors import RansacFixError
 from ransac_fix.experiments.pose.libraries import LIBRARIES
 from ransac_fix.experiments.pose.problems import Problem
@@ -63,7 +62,10 @@ class Store:
             raise RansacFixError(f"{self.path}: cannot be written: {error.strerror}") from None
 
     def key(self, problem: Problem, n: int, repeat: int, settings: Settings) -> str:
-        """Return what decides a subsample's results: data, settings, the library's version."""
+        """Return what decides a subsample's results: data, settings, versions of the code.
+
+        Those of the library, and of its patch where there is one.
+        """
         data = hashlib.sha256()
         for array in (problem.first, problem.second, *problem.cameras):
             data.update(np.ascontiguousarray(array).tobytes())
@@ -71,7 +73,7 @@ class Store:
             _RESULTS_VERSION,
             settings.library,
             LIBRARIES[settings.library].version,
-            None if settings.patched is None else __version__,
+            None if settings.patch is None else settings.patch.version,
             settings.confidences,
             settings.cap,
             settings.seed,

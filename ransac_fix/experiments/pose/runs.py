@@ -21,6 +21,22 @@ _LONG_ENOUGH = 0.01
 
 
 @dataclass(frozen=True, slots=True)
+class Patch:
+    """How the library is made exact at run time.
+
+    Parameters
+    ----------
+    active : callable
+        Returns a context manager in whose block the library is patched.
+    version : str
+        Tells results of one patch from those of another, or of the same after a change.
+    """
+
+    active: Callable[[], AbstractContextManager[object]]
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """What is run on each problem.
 
@@ -38,10 +54,9 @@ class Settings:
         Trials after which a run ends in any case.
     seed : int
         Of the subsamples and of the libraries' random streams.
-    patched : callable, optional
-        Returns a context manager in whose block the library is patched at run time. If given,
-        the library under its own rule is compared with the same call in that block, in place of
-        the two rules found from outside.
+    patch : Patch, optional
+        If given, the library under its own rule is compared with the same call while it is
+        patched, in place of the two rules found from outside.
     """
 
     library: str
@@ -50,7 +65,7 @@ class Settings:
     repeats: int
     cap: int
     seed: int
-    patched: Callable[[], AbstractContextManager[object]] | None = None
+    patch: Patch | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +120,8 @@ class Case:
 def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[Case]:
     """Run both rules at every confidence on one subsample of a problem."""
     cv2.setNumThreads(1)
-    if settings.patched is not None:
-        return _run_patched(problem, n, repeat, settings, settings.patched)
+    if settings.patch is not None:
+        return _run_patched(problem, n, repeat, settings, settings.patch)
     library = LIBRARIES[settings.library]
     k = library.sample_size[problem.kind]
     subsample = problem.subsample(n, settings.seed, repeat)
@@ -147,11 +162,7 @@ def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[
 
 
 def _run_patched(
-    problem: Problem,
-    n: int,
-    repeat: int,
-    settings: Settings,
-    patched: Callable[[], AbstractContextManager[object]],
+    problem: Problem, n: int, repeat: int, settings: Settings, patch: Patch
 ) -> list[Case]:
     """Run the bare library under its own rule, and the same calls with the library patched."""
     library = LIBRARIES[settings.library]
@@ -162,7 +173,7 @@ def _run_patched(
         def call(s: float = confidence) -> Estimate:
             return library.bare(subsample, s, settings.seed, settings.cap)
 
-        timed = [_Timed(call), _Timed(call, patched)]
+        timed = [_Timed(call), _Timed(call, patch.active)]
         first, second = (
             RuleRun(problem.truth.error(subsample, run.estimate), None, seconds, capped=False)
             for run, seconds in zip(timed, _shortest(timed), strict=True)
