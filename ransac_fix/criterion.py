@@ -54,14 +54,18 @@ _BELOW = 1.0 - 2.0**-49
 # The default, recognised by identity on the fast path.
 _DISTINCT: Literal["distinct"] = "distinct"
 
-# Below this a quotient of integers may be subnormal, and no longer has full relative precision;
-# integers of this many bits are safely inside the floats.
+# Below this a quotient of integers may be subnormal, and no longer has full relative precision, nor
+# has its logarithm, which is less than the next, to be had from it; integers of this many bits are
+# safely inside the floats.
 _SMALLEST = 1e-290
+_LEAST_LOG = -660.0
 _MOST_BITS = 960
+# Below this P is -log(1 - P) to the last place.
+_LINEAR = 2.0**-60
 
-# (n, k, s) -> C(n, k), its reciprocal and log(1 - s): the half of the work that does not change
-# from one call of a RANSAC run to the next.
-_Setting: TypeAlias = tuple[int, float, float]
+# (n, k, s) -> C(n, k), its reciprocal, log(1 - s) and n**k: the half of the work that does not
+# change from one call of a RANSAC run to the next.
+_Setting: TypeAlias = tuple[int, float, float, int]
 _SETTINGS: dict[tuple[object, object, object], _Setting] = {}
 _MOST_SETTINGS = 1024
 
@@ -147,7 +151,7 @@ def required_trials(
     if sampling is _DISTINCT:
         try:
             key = (n_samples, sample_size, confidence)
-            possible, scale, log_allowed = _SETTINGS.get(key) or _setting(*key)
+            possible, scale, log_allowed, _ = _SETTINGS.get(key) or _setting(*key)
             if sample_size <= n_inliers < n_samples:  # type: ignore[operator]
                 good = comb(n_inliers, sample_size)  # type: ignore[arg-type]
                 probability = good * scale
@@ -157,7 +161,7 @@ def required_trials(
                 upper = ceil(trials * _ABOVE)
                 if trials * _BELOW > upper - 1:
                     return upper
-        except TypeError:
+        except (TypeError, ValueError):
             pass
     counts = _counts(n_inliers, n_samples, sample_size)
     return _trials(*_exact_ratio(*counts, sampling), confidence)
@@ -189,9 +193,10 @@ def approximate_required_trials(
     # As in `required_trials`, whose error bounds hold: both quotients are correctly rounded.
     try:
         key = (n_samples, sample_size, confidence)
-        log_allowed = (_SETTINGS.get(key) or _setting(*key))[2]
-        if type(n_inliers) is int and 0 < n_inliers < n_samples:  # type: ignore[operator]
-            good, possible = n_inliers**sample_size, n_samples**sample_size  # type: ignore[operator]
+        _, _, log_allowed, possible = _SETTINGS.get(key) or _setting(*key)
+        # A NumPy integer equals its key, but its powers wrap around.
+        if type(n_inliers) is type(sample_size) is int and 0 < n_inliers < n_samples:  # type: ignore[operator]
+            good = n_inliers**sample_size
             probability = good / possible
             if probability > _SMALLEST:
                 trials = log_allowed / (
@@ -287,15 +292,19 @@ def success_probability(
     """
     counts = _counts(n_inliers, n_samples, sample_size)
     numerator, denominator = _exact_ratio(*counts, sampling)
-    drawn = math.inf if _is_infinite(trials) else _count(trials, "trials")
+    if isinstance(trials, float) and trials == math.inf:
+        return 1.0 if numerator else 0.0
+    drawn = _count(trials, "trials")
     if drawn < 0:
         raise ValueError(f"trials must not be negative, not {trials!r}")
     if drawn == 0 or numerator == 0:
         return 0.0
     try:
+        if numerator / denominator < _SMALLEST:
+            return -math.expm1(-(drawn * numerator / denominator))
         return -math.expm1(drawn * _log_miss(numerator, denominator))
-    except OverflowError:  # an integer beyond the floats
-        return success_probability(math.inf, n_inliers, n_samples, sample_size, sampling=sampling)
+    except OverflowError:  # beyond the floats
+        return 1.0
 
 
 def true_success_probability(
@@ -338,7 +347,10 @@ def true_success_probability(
     if miss == 0 or exact[0] == exact[1]:
         return 1.0
     log_miss = _log_miss(miss.denominator - miss.numerator, miss.denominator)
-    return -math.expm1(log_miss / (1.0 + _undersampling(exact, approximate)))
+    excess = _undersampling(exact, approximate)
+    # By strata P can be far above its approximation; 1 + excess would cancel.
+    ratio = 1.0 + excess if excess > -0.5 else _log_miss(*approximate) / _log_miss(*exact)
+    return -math.expm1(log_miss / ratio) if ratio else 1.0
 
 
 def undersampling(
@@ -393,7 +405,7 @@ def _setting(n_samples: object, sample_size: object, confidence: object) -> _Set
         if possible.bit_length() < _MOST_BITS:
             if len(_SETTINGS) >= _MOST_SETTINGS:
                 _SETTINGS.clear()
-            setting = possible, 1 / possible, log1p(-confidence)
+            setting = possible, 1 / possible, log1p(-confidence), n_samples**sample_size
             _SETTINGS[n_samples, sample_size, confidence] = setting
             return setting
     raise TypeError
@@ -408,18 +420,32 @@ def _undersampling(exact: tuple[int, int], approximate: tuple[int, int]) -> floa
         return math.inf
     if exact_ratio == 1:  # strata can be so lucky
         return -1.0
-    if approximate_ratio < _SMALLEST:  # both logarithms are linear, and might underflow
-        return float((approximate_ratio - exact_ratio) / exact_ratio)
+    if approximate_ratio < _LINEAR:  # the logarithms might underflow
+        return _float((approximate_ratio - exact_ratio) / exact_ratio)
     # log(1 - P_a) - log(1 - P_e) = log(1 - (P_a - P_e) / (1 - P_e))
     difference = (approximate_ratio - exact_ratio) / (1 - exact_ratio)
-    return _log_miss(*difference.as_integer_ratio()) / _log_miss(*exact)
+    log_difference = _log_miss(*difference.as_integer_ratio())
+    if exact_ratio < _SMALLEST:
+        return _float(Fraction(-log_difference) / exact_ratio)
+    return log_difference / _log_miss(*exact)
+
+
+def _float(value: Fraction) -> float:
+    """Return the nearest float, infinity for a number beyond them."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _count(value: object, name: str) -> int:
     """Return `value` as an int if it is a whole number of any numeric kind."""
     if isinstance(value, Integral):
         return int(value)
-    if isinstance(value, Real):
+    if isinstance(value, Rational):
+        if value.denominator == 1:
+            return int(value.numerator)
+    elif isinstance(value, Real):
         number = float(value)
         if number.is_integer():
             return int(number)
@@ -452,10 +478,6 @@ def _confidence(value: object) -> Fraction:
     if fraction is None or not 0 <= fraction <= 1:
         raise ValueError(f"confidence must be a probability from 0 to 1, not {value!r}")
     return fraction
-
-
-def _is_infinite(value: object) -> bool:
-    return isinstance(value, float) and value == math.inf
 
 
 def _strata(n_inliers: int, n_samples: int, sample_size: int, sampling: object) -> list[Stratum]:
@@ -512,12 +534,21 @@ def _approximate_ratio(n_inliers: int, n_samples: int, sample_size: int) -> tupl
 
 
 def _log_miss(numerator: int, denominator: int) -> float:
-    """Return ``log(1 - numerator / denominator)`` to within two units in the last place."""
+    """Return ``log(1 - numerator / denominator)``.
+
+    To within two units in the last place, unless it is below `_LEAST_LOG` or the quotient below
+    `_SMALLEST`: there only to the precision that its parts leave.
+    """
     if numerator == denominator:
         return -math.inf
-    if 2 * numerator <= denominator:
+    if 2 * abs(numerator) <= denominator:
         return log1p(-(numerator / denominator))
-    return log((denominator - numerator) / denominator)
+    kept = denominator - numerator
+    try:
+        quotient = kept / denominator
+    except OverflowError:
+        quotient = math.inf
+    return log(quotient) if _SMALLEST < quotient < math.inf else log(kept) - log(denominator)
 
 
 def _trials(numerator: int, denominator: int, confidence: object) -> int | float:
@@ -533,7 +564,7 @@ def _trials(numerator: int, denominator: int, confidence: object) -> int | float
         return math.inf
     log_miss = _log_miss(numerator, denominator)
     log_allowed = _log_miss(*wanted.as_integer_ratio())
-    if log_miss < -_SMALLEST and -math.inf < log_allowed < -_SMALLEST:
+    if all(_LEAST_LOG < value < -_SMALLEST for value in (log_miss, log_allowed)):
         trials = log_allowed / log_miss
         upper = ceil(trials * _ABOVE)
         if trials * _BELOW > upper - 1:

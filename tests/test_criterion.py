@@ -7,7 +7,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.stats import hypergeom
 
@@ -335,6 +335,98 @@ class TestGuarantee:
             assert undersampling(k, 10**9, k, 0.99) == pytest.approx(expected, rel=1e-6)
 
 
+def log_miss(probability: Fraction) -> mpmath.mpf:
+    """log(1 - P), whatever its size."""
+    if probability < Fraction(1, 2):
+        return mpmath.log1p(-mpmath.mpf(probability.numerator) / probability.denominator)
+    miss = 1 - probability
+    return mpmath.log(mpmath.mpf(miss.numerator) / miss.denominator)
+
+
+@st.composite
+def extremes(draw: st.DrawFn) -> tuple[int, int, int]:
+    """Samples so large that P leaves the floats, and more measurements than these can count."""
+    if draw(st.booleans()):
+        n_samples = 10 ** draw(st.integers(20, 420))
+        few = draw(st.integers(2, 30))
+        n_inliers = draw(st.sampled_from([few, n_samples // few, n_samples - few]))
+        return n_inliers, n_samples, draw(st.integers(1, min(n_inliers, 6)))
+    n_samples = draw(st.integers(1000, 3300))
+    sample_size = draw(st.integers(150, 400))
+    return draw(st.integers(sample_size, n_samples - 1)), n_samples, sample_size
+
+
+near_the_limits = st.integers(280, 700).flatmap(
+    lambda digits: st.sampled_from([Fraction(1, 10**digits), 1 - Fraction(1, 10**digits)])
+)
+
+
+class TestBeyondTheFloats:
+    """Quotients below the smallest float, and above the largest."""
+
+    @given(extremes(), st.one_of(confidences.map(Fraction), near_the_limits))
+    @settings(max_examples=60)
+    @example((220, 3300, 220), Fraction(99, 100))
+    @example((2000, 10_000, 2000), Fraction(99, 100))
+    def test_guarantees(self, problem: tuple[int, int, int], s: Fraction) -> None:
+        n_inliers, n_samples, sample_size = problem
+        exact = Fraction(math.comb(n_inliers, sample_size), math.comb(n_samples, sample_size))
+        approximate = Fraction(n_inliers, n_samples) ** sample_size
+        with mpmath.workdps(900):
+            ratio = log_miss(approximate) / log_miss(exact)
+            excess = float(ratio - 1)
+            reached = float(-mpmath.expm1(log_miss(s) / ratio)) if 0 < s < 1 else float(s)
+        assert undersampling(*problem, s) == pytest.approx(excess, rel=1e-12, abs=1e-300)
+        result = true_success_probability(*problem, s)
+        assert result == pytest.approx(reached, rel=1e-11, abs=1e-300)
+
+    @given(extremes(), st.integers(0, 900).map(lambda digits: 10**digits))
+    @settings(max_examples=60)
+    @example((100, 10**6, 100), 10**500)
+    @example((100, 10**5, 100), 10**300)
+    def test_success_probability(self, problem: tuple[int, int, int], trials: int) -> None:
+        n_inliers, n_samples, sample_size = problem
+        exact = Fraction(math.comb(n_inliers, sample_size), math.comb(n_samples, sample_size))
+        with mpmath.workdps(60):
+            expected = float(-mpmath.expm1(trials * log_miss(exact)))
+        result = success_probability(trials, *problem)
+        assert result == pytest.approx(expected, rel=1e-11, abs=1e-300)
+        assert success_probability(math.inf, *problem) == 1.0
+
+    @given(counts(largest=10**6, largest_k=7), near_the_limits)
+    @settings(max_examples=60)
+    @example((6, 20, 2), 1 - Fraction(1, 10**400))
+    def test_required_trials(self, problem: tuple[int, int, int], s: Fraction) -> None:
+        n_inliers, n_samples, sample_size = problem
+        exact = hypergeometric(*problem)
+        approximate = Fraction(n_inliers, n_samples) ** sample_size
+        for rule, probability in (
+            (required_trials, exact),
+            (approximate_required_trials, approximate),
+        ):
+            found = rule(*problem, s)
+            if not 0 < probability < 1:
+                assert found == (math.inf if probability == 0 else 1)
+                continue
+            with mpmath.workdps(900):
+                quotient = log_miss(s) / log_miss(probability)
+                if abs(quotient - mpmath.nint(quotient)) > mpmath.mpf(10) ** -100:
+                    assert found == int(mpmath.ceil(quotient))
+                else:
+                    miss, nearest = 1 - probability, int(mpmath.nint(quotient))
+                    assert found == nearest + (miss**nearest > 1 - s)
+
+    def test_a_sampler_by_strata_that_is_far_luckier_than_its_approximation(self) -> None:
+        lucky = [Stratum(9, 10, 5), Stratum(0, 10**6, 0)]
+        problem = (9, 10**6 + 10, 5)
+        assert undersampling(*problem, 0.99, sampling=lucky) == -1.0
+        assert true_success_probability(*problem, 0.99, sampling=lucky) == 1.0
+        almost_sure = [Stratum(10**400 - 1, 10**400, 1), Stratum(0, 10**400, 0)]
+        problem = (10**400 - 1, 2 * 10**400, 1)
+        result = undersampling(*problem, 0.99, sampling=almost_sure)
+        assert result == pytest.approx(math.log(0.5) / (-400 * math.log(10)) - 1, rel=1e-12)
+
+
 class TestArguments:
     @pytest.mark.parametrize("kind", [np.int64, np.int32, np.uint8, np.float64, np.float32, float])
     def test_whole_numbers_of_any_kind(self, kind: type) -> None:
@@ -342,6 +434,23 @@ class TestArguments:
         assert approximate_required_trials(kind(6), kind(20), kind(2), 0.99) == 49
         assert type(required_trials(kind(6), kind(20), kind(2), 0.99)) is int
         assert success_probability(kind(56), kind(6), kind(20), kind(2)) > 0.99
+
+    @pytest.mark.parametrize("kind", [np.int64, np.int32, np.float64])
+    def test_numpy_counts_do_not_wrap_around(self, kind: type) -> None:
+        for rule in (required_trials, approximate_required_trials):
+            # The setting is known by then, under keys that the others equal.
+            known = rule(300_000, 10**6, 7, 0.99)
+            assert rule(300_000, kind(10**6), kind(7), 0.99) == known
+            assert rule(kind(300_000), kind(10**6), kind(7), 0.99) == known
+            assert rule(300_000, kind(10**6), 7, 0.99) == known
+            assert rule(300_000, 10**6, kind(7), 0.99) == known
+
+    def test_rejects_arrays_and_fractions_beyond_the_floats_by_name(self) -> None:
+        for rule in (required_trials, approximate_required_trials):
+            for value in (np.array([6, 7]), Fraction(10**400), Fraction(13, 2)):
+                with pytest.raises(ValueError, match=r"^n_inliers must be"):
+                    rule(value, 20, 2, 0.99)  # type: ignore[arg-type]
+            assert rule(Fraction(6), 20, 2, 0.99) == rule(6, 20, 2, 0.99)
 
     @pytest.mark.parametrize("kind", [np.float64, np.float32, np.longdouble])
     def test_numpy_confidence(self, kind: type) -> None:
