@@ -233,12 +233,25 @@ def complement(expr: Expr) -> Iterator[Expr]:
                 constant += sign * value
             elif not is_tiny(term):
                 others.append((sign, term))
+        match reading:
+            case Op(op="div", args=(top, bottom)):
+                yield from _rest_of_quotient(top, bottom)
         if abs(constant - 1.0) > _TINY or len(others) != 1:
             continue
         sign, other = others[0]
         positive = other if sign < 0 else _without_sign(other)
         if positive is not None:
             yield positive
+
+
+def _rest_of_quotient(top: Expr, bottom: Expr) -> Iterator[Expr]:
+    """Yield b/a for (a - b)/a."""
+    whole, parts = key(bottom), list(terms(top))
+    if len(parts) != 2 or number(bottom) is not None:
+        return
+    for (sign, one), (other_sign, other) in (parts, parts[::-1]):
+        if sign > 0 > other_sign and key(one) == whole:
+            yield Op("div", (other, bottom))
 
 
 def _without_sign(expr: Expr) -> Expr | None:
@@ -330,6 +343,8 @@ def _factorings(expr: Expr, power: Power, depth: int) -> Iterator[list[Power]]:
             case Op(op="neg", args=(inner,)):
                 for rest in _factorings(inner, power, depth + 1):
                     yield [Power(Num(-1.0)), *rest]
+            case Op(op="pow", args=(base, exponent)) if _raises_logarithms(base, exponent):
+                yield from _exponentials(reading, exponent, power, depth)
             case Op(op="pow", args=(base, exponent)):
                 yield from _raised(reading, base, exponent, 1.0, power, depth)
             case Fn(name="exp", args=(inner, *_)):
@@ -343,10 +358,24 @@ def _factorings(expr: Expr, power: Power, depth: int) -> Iterator[list[Power]]:
                 yield [power.to(expr)]
 
 
+def _raises_logarithms(base: Expr, exponent: Expr) -> bool:
+    """Whether a power is an exponential: ``e ** (k * log(w))``, ``2 ** (k * log2(w))``."""
+    named = isinstance(plain(base), Name) and key(base).rpartition(".")[2] in ("e", "M_E")
+    if number(exponent) is not None or not (named or (number(base) or 0.0) > 1.0):
+        return False
+    factors = next(iter(_exponentials(exponent, exponent, Power(exponent), 0)))
+    return not (len(factors) == 1 and factors[0].base is exponent)
+
+
 def _raised(
     whole: Expr, base: Expr, exponent: Expr, sign: float, power: Power, depth: int
 ) -> Iterator[list[Power]]:
     value = number(exponent)
+    match plain(exponent):
+        case Op(op="neg", args=(positive,)) if value is None:
+            # (n / i)**-k is (i / n)**k
+            yield from _raised(whole, _reciprocal(base), positive, sign, power, depth)
+            return
     if value is not None:
         inner = replace(
             power,
@@ -368,6 +397,13 @@ def _raised(
         yield [power.to(whole)]
         return
     yield from _factorings(base, inner, depth + 1)
+
+
+def _reciprocal(expr: Expr) -> Expr:
+    match plain(expr):
+        case Op(op="div", args=(top, bottom), span=span):
+            return Op("div", (bottom, top), span)
+    return Op("div", (Num(1.0), expr), expr.span)
 
 
 def _pairs(
@@ -506,6 +542,8 @@ def _collect(factor: Power, monomial: Monomial) -> None:
     inner = plain(factor.base)
     sign = 1 if factor.exponent > 0 else -1
     match inner:
+        case Num(value=1.0):
+            pass
         case Num(value=value) if factor.written is None and not factor.repeated:
             # A constant raised to a power is an assumed ratio; any other is a factor.
             monomial.constant *= value if sign > 0 else (1.0 / value if value else math.inf)
@@ -578,11 +616,38 @@ def _log_factorings(expr: Expr, sign: int, depth: int) -> Iterator[list[tuple[Ex
                 yield from _log_factorings(inner, -sign, depth + 1)
                 continue
             case _:
-                yield [(reading, sign)]
+                yield [(_one_log(reading), sign)]
                 continue
         for one in islice(_log_factorings(left, sign, depth + 1), _WAYS):
             for other in islice(_log_factorings(right, second, depth + 1), _WAYS):
                 yield one + other
+
+
+def _one_log(expr: Expr) -> Expr:
+    """Write a sum of logarithms as one: log(a) - k*log(b) as log(a / b**k)."""
+    if not (isinstance(expr, Op) and expr.op in ("add", "sub")):
+        return expr
+    sides: dict[int, Expr] = {}
+    for sign, part in terms(expr):
+        factor = _logarithm_of(part)
+        if factor is None:
+            return expr
+        sides[sign] = Op("mul", (sides[sign], factor)) if sign in sides else factor
+    quotient = Op("div", (sides.get(1, Num(1.0)), sides[-1])) if -1 in sides else sides[1]
+    return Fn("log", (quotient,), expr.span)
+
+
+def _logarithm_of(expr: Expr) -> Expr | None:
+    """Give x for log(x), or x**k for k*log(x)."""
+    match plain(expr):
+        case Fn(name="log", args=(inner, *_)):
+            return inner
+        case Op(op="mul", args=(left, right)):
+            for one, other in ((left, right), (right, left)):
+                match plain(one):
+                    case Fn(name="log", args=(inner, *_)):
+                        return Op("pow", (inner, other))
+    return None
 
 
 def _is_log(expr: Expr) -> bool:
@@ -591,8 +656,8 @@ def _is_log(expr: Expr) -> bool:
 
 def _stands_for_log(expr: Expr) -> bool:
     match expr:
-        case Name(name=name):
-            return name.rpartition(".")[2].lower().startswith("log")
+        case Name():
+            return True  # worked out elsewhere: a parameter, an attribute
         case Num(value=value):
             return 0.1 < abs(value) < 60.0
         case Fn(name=name):
@@ -604,14 +669,25 @@ def _stands_for_log(expr: Expr) -> bool:
 
 
 def _names_log(expr: Expr) -> bool:
-    return isinstance(expr, Name | Fn) and _stands_for_log(expr)
+    match expr:
+        case Name(name=name):
+            return name.rpartition(".")[2].lower().startswith("log")
+    return isinstance(expr, Fn) and _stands_for_log(expr)
 
 
 def log_arguments(expr: Expr) -> Iterator[Expr]:
-    """Yield x for an expression that reads as log(x)."""
+    """Yield x for an expression that reads as log(x), or as its negative, log(1/x)."""
     for reading in islice(readings(expr), _WAYS):
         if isinstance(reading, Fn) and reading.name == "log":
-            yield reading.args[0]
+            yield _inverted(reading.args[0])
+
+
+def _inverted(expr: Expr) -> Expr:
+    """Give x for 1/x, and anything else as it is."""
+    match plain(expr):
+        case Op(op="div", args=(one, bottom)) if number(one) == 1.0:
+            return bottom
+    return expr
 
 
 # ---- classification -------------------------------------------------------------------------

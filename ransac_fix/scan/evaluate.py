@@ -195,7 +195,10 @@ class _Evaluator:
                     self._bind(stmt.target, value, env)
                 self._target = None
             case Evaluate():
-                self._expr(stmt.value, env)
+                value = self._expr(stmt.value, env)
+                match stmt.value:
+                    case Call(base=Name(name=target), name=name) if name.endswith("_"):
+                        self._bind(target, value, env)  # changed in place
             case If():
                 return self._if(stmt, env)
             case Loop():
@@ -208,10 +211,7 @@ class _Evaluator:
                     self._scope.exits[-1].append(dict(env))
                 return False
             case Import():
-                imported = Name(stmt.target)
-                self._imported.add(id(imported))
-                self._keep.append(imported)
-                env[stmt.name] = imported
+                env[stmt.name] = self._module_named(stmt.target)
             case Function():
                 self._closures[id(stmt)] = env
             case Class():
@@ -224,6 +224,9 @@ class _Evaluator:
 
     def _bind(self, target: str, value: Expr, env: Env) -> None:
         env[target] = value
+        if isinstance(value, Seq) and value.names:
+            for name in value.names:
+                env.pop(f"{target}.{name}", None)  # what an earlier record held
         head, _, tail = target.partition(".")
         if tail and head in ("self", "cls", "this") and self._scope.owner:
             self._attribute(self._scope.owner, tail, value)
@@ -283,9 +286,7 @@ class _Evaluator:
         if stmt.source is not None:
             source = self._expr(stmt.source, env)
             count = _range_count(source)
-            for number, name in enumerate(stmt.variables):
-                counted = number == 0 and _is_counted(source)
-                start[name] = self._new(Index(name, loop, count), ()) if counted else Name(name)
+            start.update(self._running(stmt.variables, source, loop, count))
         carried: dict[str, Expr] = {}
         for name in _assigned(stmt.body):
             if name in counters:
@@ -398,7 +399,6 @@ class _Evaluator:
         # In the second walk this records, even where the call that led here does not.
         self._recording = recording or self._second
         returns, parameters = self._walk_function(function)
-        self._recording = False
         defaults = {
             one.name: self._expr(one.default, dict(self._globals))
             for one in function.parameters
@@ -406,14 +406,58 @@ class _Evaluator:
         }
         self._recording = recording
         value = self._choice(returns)
+        value = self._unrolled(function, value) or value
         summary = None
-        if self._has(value, LOG | POW):
+        if self._has(value, LOG | POW) or _is_complement(value):
             order = tuple(one.name for one in function.parameters)
             if function.owner and order and order[0] in ("self", "cls"):
                 order = order[1:]
             summary = _Summary(value, parameters, order, defaults)
         self._summaries[id(function)] = summary
         return summary
+
+    def _unrolled(self, function: Function, value: Expr) -> Expr | None:
+        """Give the product that a function is which returns a factor times itself for one less."""
+        options = value.options if isinstance(value, Choice) else (value,)
+        ends: list[Expr] = []
+        factors: list[tuple[str, Expr]] = []
+        arguments: tuple[Expr, ...] = ()
+        for option in options:
+            own = _call_within(option, f"?{function.name}")
+            peeled = None if own is None else _peel(option, own)
+            if own is None:
+                ends.append(option)
+            elif peeled is None or peeled[0] != "prod" or factors:
+                return None
+            else:
+                factors, arguments = peeled[1], own.args
+        names = [one.name for one in function.parameters]
+        if not factors or not ends or len(arguments) != len(names):
+            return None
+        self._loop_number += 1
+        loop = str(self._loop_number)
+        counters: list[Expr] = []
+        values: dict[int, Expr] = {}
+        for name, argument in zip(names, arguments, strict=True):
+            match _unwrap(argument):
+                case Name(name=same) if same == name:
+                    pass
+                case Op(op="sub", args=(before, Num(value=1.0))):
+                    symbol = _unwrap(before)
+                    if not (isinstance(symbol, Name) and symbol.name == name):
+                        return None
+                    counters.append(symbol)
+                    index = self._new(Index(name, loop), ())
+                    values[id(symbol)] = self._op("sub", (symbol, index), None)
+                case _:
+                    return None
+        if not counters:
+            return None
+        term: Expr = Num(1.0)
+        for operator, factor in factors:
+            term = self._op(operator, (term, self._substitute(factor, values, {})), None)
+        over = self._new(Over("prod", term, loop, counters[-1]), (term,), POW)
+        return self._op("mul", (self._choice(ends), over), value.span)
 
     def _function_for(self, call: Call, base: Expr | None) -> Function | None:
         named = self._functions.get(call.name)
@@ -477,7 +521,7 @@ class _Evaluator:
             case Seq():
                 items = tuple(self._substitute(one, values, memo) for one in expr.items)
                 if any(new is not old for new, old in zip(items, expr.items, strict=True)):
-                    result = self._new(Seq(items, expr.span), items)
+                    result = self._new(Seq(items, expr.span, expr.names), items)
             case Item():
                 base = self._substitute(expr.base, values, memo)
                 if base is not expr.base:
@@ -510,7 +554,7 @@ class _Evaluator:
                 return self._item(base, self._expr(expr.index, env), expr.span)
             case Seq():
                 items = tuple(self._expr(one, env) for one in expr.items)
-                return self._new(Seq(items, expr.span), items)
+                return self._new(Seq(items, expr.span, expr.names), items)
             case Each():
                 return self._each(expr, env)
             case Ref():  # name := value
@@ -541,6 +585,8 @@ class _Evaluator:
                 value = self._dotted(head, tail, env)
                 if value is None and head == "this":
                     value = env.get(tail)  # in C++ a global is spelled like a member
+                if value is None:
+                    value = self._entry_named(expr.name, env)
         if isinstance(value, Name) and id(value) in self._imported:
             return value
         facts = LOG if _says_log(expr.name) else 0
@@ -558,12 +604,18 @@ class _Evaluator:
         while isinstance(value, Ref):
             value = value.value
         if isinstance(value, Name) and id(value) in self._imported:
-            member = Name(f"{value.name}.{tail}")
-            self._imported.add(id(member))
-            self._keep.append(member)
-            return member
+            return self._module_named(f"{value.name}.{tail}")
         known = self._attributes.get((head, tail))  # Class.constant
         return self._choice(known) if known else None
+
+    def _entry_named(self, path: str, env: Env) -> Expr | None:
+        """Give what ``a.b`` is, where ``a`` is a record."""
+        base, _, name = path.rpartition(".")
+        value = env.get(base)
+        head, _, tail = base.partition(".")
+        if value is None and tail:
+            value = self._dotted(head, tail, env)
+        return None if value is None else self._member(value, name)
 
     def _property(self, name: str) -> Expr | None:
         """Give what a method without parameters returns, read like an attribute."""
@@ -576,25 +628,52 @@ class _Evaluator:
 
     def _each(self, expr: Each, env: Env) -> Expr:
         source = self._expr(expr.source, env)
+        written_out = _unwrap(source)
+        if isinstance(written_out, Seq) and len(expr.variables) == 1:
+            items = written_out.items
+            if len(items) <= _MAX_CHOICES and not all(isinstance(one, Num) for one in items):
+                bodies = tuple(
+                    self._each_body(expr, {expr.variables[0]: one}, env) for one in items
+                )
+                return self._new(Seq(bodies, expr.span), bodies)
         self._loop_number += 1
         loop = str(self._loop_number)
-        inner = dict(env)
-        variable: Expr = Name(expr.variable)
         count = _range_count(source)
-        if _is_counted(source):
-            variable = self._new(Index(expr.variable, loop, count), ())
-        inner[expr.variable] = variable
-        body = self._expr(expr.body, inner)
+        body = self._each_body(expr, self._running(expr.variables, source, loop, count), env)
         return self._new(Over("each", body, loop, count, expr.span), (body,))
+
+    def _each_body(self, expr: Each, variables: Env, env: Env) -> Expr:
+        inner = {**env, **variables}
+        for test in expr.tests:
+            self._expr(test, inner)
+        return self._expr(expr.body, inner)
+
+    def _running(
+        self, variables: tuple[str, ...], source: Expr, loop: str, count: Expr | None
+    ) -> Env:
+        """Say what the variables of a loop are: counters, or names of unknown values."""
+        together = _unwrap(source)
+        zipped = isinstance(together, Fn) and together.name == "?zip"
+        bound: Env = {}
+        for number, name in enumerate(variables):
+            counted = number == 0 and _is_counted(source)
+            if zipped and isinstance(together, Fn) and number < len(together.args):
+                counted = _is_counted(together.args[number])
+            bound[name] = self._new(Index(name, loop, count), ()) if counted else Name(name)
+        return bound
 
     def _item(self, base: Expr, index: Expr, span: Span | None) -> Expr:
         inner = base
         while isinstance(inner, Ref):
             inner = inner.value
-        if isinstance(inner, Seq) and isinstance(index, Num):
-            number = int(index.value)
-            if -len(inner.items) <= number < len(inner.items):
-                return inner.items[number]
+        if isinstance(index, Num):
+            entry = self._entry(base, int(index.value))
+            if entry is not None:
+                return entry
+        elif isinstance(index, Ref | Name):
+            member = self._member(base, index.name)
+            if member is not None:
+                return member
         if isinstance(inner, Choice) and isinstance(index, Num):
             parts = [self._item(option, index, span) for option in inner.options]
             if any(not isinstance(part, Item) for part in parts):
@@ -603,10 +682,43 @@ class _Evaluator:
         kept = self._facts.get(id(base), (0, 0))[0] & facts
         return self._new(Item(base, index, span), (), kept)
 
+    def _entry(self, base: Expr, number: int, depth: int = 0) -> Expr | None:
+        """Give one entry of a sequence written out, or of what is made of one entry by entry."""
+        inner = _unwrap(base)
+        match inner:
+            case Seq(items=items, names=()) if -len(items) <= number < len(items):
+                return items[number]
+            case Fn(name="log" | "exp", args=(whole,)) if depth < _MAX_INLINE:
+                entry = self._entry(whole, number, depth + 1)
+                return None if entry is None else self._fn(inner.name, (entry,), inner.span)
+            case Op(op="sub" | "div" | "pow", args=args) if depth < _MAX_INLINE:
+                # Not what joins or repeats a list: `[a] + [b]`, `[w] * k`.
+                entries = [self._entry(arg, number, depth + 1) for arg in args]
+                if any(entry is not None for entry in entries):
+                    parts = (
+                        arg if entry is None else entry
+                        for arg, entry in zip(args, entries, strict=True)
+                    )
+                    return self._op(inner.op, tuple(parts), inner.span)
+        return None
+
+    def _member(self, base: Expr, name: str) -> Expr | None:
+        """Give what a record holds under a name."""
+        inner = _unwrap(base)
+        if isinstance(inner, Choice):
+            found = [self._member(option, name) for option in inner.options]
+            known = [one for one in found if one is not None]
+            return self._choice(known) if known else None
+        if isinstance(inner, Seq) and name in inner.names:
+            return inner.items[inner.names.index(name)]
+        return None
+
     def _op(self, operator: str, args: tuple[Expr, ...], span: Span | None) -> Expr:
         facts = POW if operator in ("pow", "mul") else 0
-        if operator == "pow" and self._has(args[0], POW):
-            facts |= NESTED
+        if operator == "pow" and (
+            self._has(args[0], POW) or (self._has(args[1], LOG) and self._has(args[1], POW))
+        ):
+            facts |= NESTED  # (1 - w**k) ** N, 10 ** (N * log10(1 - w**k))
         expr = self._new(Op(operator, args, span), args, facts)
         if operator in ("div", "floordiv"):
             if self._has(args[1], LOG) and (self._has(args[0], LOG) or self._has(args[1], POW)):
@@ -649,8 +761,14 @@ class _Evaluator:
                 return self._apply(bound.function, args, keywords)
             if isinstance(bound, Name) and bound.name != name:
                 module, _, name = bound.name.rpartition(".")
-                base = Name(module) if module else None
+                base = self._module_named(module) if module else None
         return self._known(name, base, args, keywords, call.span)
+
+    def _module_named(self, name: str) -> Name:
+        module = Name(name)
+        self._imported.add(id(module))
+        self._keep.append(module)
+        return module
 
     def _apply(
         self, function: Function, args: tuple[Expr, ...], keywords: tuple[tuple[str, Expr], ...]
@@ -685,6 +803,7 @@ class _Evaluator:
         span: Span | None,
     ) -> Expr:
         """Write a call to a known function one way, whatever library it is from."""
+        name = functions.not_in_place(name)
         module = base is None or self._is_module(base)
         kind = functions.UNARY.get(name) or functions.BINARY.get(name)
         if kind in functions.MATHEMATICS and len(args) == 1 + (name in functions.BINARY):
@@ -717,10 +836,19 @@ class _Evaluator:
             count = _arange_count(operands)
             # One running index for all: arrays of a product run together.
             return self._new(Index(name, "arange", count, span), ())
+        if name in functions.RECORDS and keywords and not args:
+            items = tuple(value for _, value in keywords)
+            return self._new(Seq(items, span, tuple(word for word, _ in keywords)), items)
+        if name == "map" and len(operands) == 2:
+            return self._mapped(operands[0], operands[1], span)
         if name in functions.PRODUCTS and operands:
             return self._product(operands[0], span)
         if name == "reduce" and len(operands) >= 2 and _multiplies(operands[0]):
             return self._product(operands[1], span)
+        if name == "reduce" and len(operands) >= 2:
+            return self._reduced(operands, span)
+        if name == "reduce" and base is not None and _multiplies(base):
+            return self._product(args[0], span) if args else Unknown((), span)
         if name in functions.SUMS and operands and isinstance(_unwrap(operands[0]), Over):
             over = _unwrap(operands[0])
             assert isinstance(over, Over)
@@ -737,6 +865,8 @@ class _Evaluator:
             return self._unary(own, name, operands, module=module, span=span)
         if name in functions.BINARY and len(operands) >= 2:
             return self._binary(functions.BINARY[name], operands[:2], span)
+        if name in functions.COMPARISONS and len(operands) >= 2:
+            return self._op(functions.COMPARISONS[name], operands[:2], span)
         if len(operands) == 2 and functions.is_power(name):
             return self._op("pow", operands, span)
         fixed = functions.fixed_power(name)
@@ -744,6 +874,10 @@ class _Evaluator:
             return self._op("pow", (operands[0], Num(fixed)), span)
         if name in ("pmf", "sf", "cdf", "logpmf") and _is_hypergeom(base):
             return self._fn("hypergeom", operands, span)
+        if name in functions.DISTRIBUTED and base is not None:
+            distributed = self._distributed(name, base, args, named, span)
+            if distributed is not None:
+                return distributed
         if name in functions.COUNTS:
             return self._fn("count", operands, span)
         everything = (*operands, *(value for _, value in keywords))
@@ -779,7 +913,86 @@ class _Evaluator:
     def _binary(self, kind: str, operands: tuple[Expr, ...], span: Span | None) -> Expr:
         if kind == "comb":
             return self._fn("comb", operands, span)
+        if kind == "rsub":
+            return self._op("sub", operands[::-1], span)
         return self._op(kind, operands, span)
+
+    def _distributed(
+        self,
+        name: str,
+        base: Expr,
+        args: tuple[Expr, ...],
+        named: Mapping[str, Expr],
+        span: Span | None,
+    ) -> Expr | None:
+        """Write out what a distribution says of the first success, or of none in N trials."""
+        distribution = _unwrap(base)
+        parameters: tuple[Expr, ...] = args[1:]
+        if isinstance(distribution, Fn):  # geom(p).ppf(q)
+            parameters, kind = distribution.args, distribution.name.lstrip("?")
+        elif isinstance(distribution, Name):
+            kind = distribution.name.rpartition(".")[2]
+        else:
+            return None
+        parameters = (*parameters, *(named[word] for word in ("n", "p") if word in named))
+        if not args or not parameters:
+            return None
+        one, failure = Num(1.0), self._op("sub", (Num(1.0), parameters[-1]), span)
+        trials = args[0]
+        if kind in ("binom", "comb") and len(parameters) == 2:
+            if not (isinstance(trials, Num) and trials.value == 0.0):
+                return None
+            trials = parameters[0]
+            name = {"pmf": "sf", "cdf": "sf", "sf": "cdf"}.get(name, "")
+        elif kind != "geom" or len(parameters) != 1:
+            return None
+        if name in ("ppf", "isf"):
+            miss = self._op("sub", (one, trials), span) if name == "ppf" else trials
+            logs = tuple(self._fn("log", (value,), span) for value in (miss, failure))
+            return self._op("div", logs, span)
+        missed = self._op("pow", (failure, trials), span)
+        if name == "sf":
+            return missed
+        return self._op("sub", (one, missed), span) if name == "cdf" else None
+
+    def _reduced(self, operands: tuple[Expr, ...], span: Span | None) -> Expr:
+        """Read ``reduce(f, values, start)`` as the loop that it is."""
+        function, source = _unwrap(operands[0]), operands[1]
+        start = operands[2] if len(operands) > 2 else Num(1.0)
+        if isinstance(function, Lambda) and len(function.function.parameters) == 2:
+            self._loop_number += 1
+            loop = str(self._loop_number)
+            count = _range_count(source)
+            symbol = Name(function.function.parameters[0].name)
+            taken = function.function.parameters[1].name
+            one = self._running((taken,), source, loop, count)[taken]
+            value = self._apply(function.function, (symbol, one), ())
+            total = self._accumulated(start, symbol, value, loop, count)
+            if total is not None:
+                return total
+        return self._new(Fn("?reduce", operands, span), operands)
+
+    def _mapped(self, function: Expr, source: Expr, span: Span | None) -> Expr:
+        """Read ``map(f, (a, b))`` as ``(f(a), f(b))``."""
+        items = _unwrap(source)
+        if not isinstance(items, Seq) or len(items.items) > _MAX_CHOICES:
+            return self._new(Fn("?map", (function, source), span), (function, source))
+        made = tuple(self._applied(function, (one,), span) for one in items.items)
+        return self._new(Seq(made, span), made)
+
+    def _applied(self, function: Expr, args: tuple[Expr, ...], span: Span | None) -> Expr:
+        """Give what a function that is a value makes of its arguments."""
+        inner = _unwrap(function)
+        if isinstance(inner, Lambda) and self._inlining < _MAX_INLINE:
+            return self._apply(inner.function, args, ())
+        if isinstance(inner, Name):
+            module, _, name = inner.name.rpartition(".")
+            own = self._functions.get(name, ())
+            summary = self._summary(own[0]) if len(own) == 1 and not module else None
+            if summary is not None and self._inlining < _MAX_INLINE:
+                return self._inline(summary, Call(None, name, (), (), span), (args, ()))
+            return self._known(name, self._module_named(module) if module else None, args, (), span)
+        return self._new(Fn("?", args, span), args)
 
     def _product(self, operand: Expr, span: Span | None) -> Expr:
         inner = _unwrap(operand)
@@ -975,6 +1188,23 @@ def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
             yield from _indices(base, depth + 1)
         case _:
             pass
+
+
+def _call_within(expr: Expr, name: str) -> Fn | None:
+    """Find the call of an unknown function among the factors of a product."""
+    match _unwrap(expr):
+        case Fn(name=own) as call if own == name:
+            return call
+        case Op(op="mul" | "div", args=(left, right)):
+            return _call_within(left, name) or _call_within(right, name)
+    return None
+
+
+def _is_complement(expr: Expr) -> bool:
+    match _unwrap(expr):
+        case Op(op="sub" | "add", args=args):
+            return any(isinstance(arg, Num) and arg.value == 1.0 for arg in args)
+    return False
 
 
 def _is_power(expr: Expr) -> bool:

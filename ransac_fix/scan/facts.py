@@ -25,7 +25,9 @@ _LOG = 32  # made of logarithms
 _SIGNED = _COMPLEMENT | _LESS_ONE
 _MOST_VISITS = 2000
 _KINDS = {**functions.UNARY, **functions.BINARY}
-_PASSES = frozenset((*functions.CLAMPS, *functions.SELECTS, *functions.FULLS))
+_PASSES = frozenset(
+    (*functions.CLAMPS, *functions.SELECTS, *functions.FULLS, *functions.RECORDS, "geom")
+)
 _HYPERGEOMETRIC = frozenset(("pmf", "sf", "cdf", "logpmf"))
 
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef
@@ -142,6 +144,7 @@ class _File:
             ast.SetComp: self._comprehension,
             ast.GeneratorExp: self._comprehension,
             ast.DictComp: self._mapping,
+            ast.Dict: self._record,
             ast.UnaryOp: self._unary,
             ast.BinOp: self._binary,
             ast.Call: self._call,
@@ -328,8 +331,12 @@ class _File:
         self._bind(node.target, None, facts)
 
     def _expression(self, node: ast.Expr) -> None:
-        if not isinstance(node.value, ast.Constant):
-            self._expr(node.value)
+        if isinstance(node.value, ast.Constant):
+            return
+        facts = self._expr(node.value)
+        match node.value:
+            case ast.Call(func=ast.Attribute(value=target, attr=name)) if name.endswith("_"):
+                self._bind(target, None, facts)  # changed in place
 
     def _return(self, node: ast.Return) -> None:
         if node.value is not None:
@@ -482,6 +489,10 @@ class _File:
         self._expr(node.value)
         return 0
 
+    def _record(self, node: ast.Dict) -> int:
+        self._all(key for key in node.keys if key is not None)
+        return self._all(node.values)
+
     def _unary(self, node: ast.UnaryOp) -> int:
         facts = self._expr(node.operand)
         return _negative(facts) if isinstance(node.op, ast.USub) else facts
@@ -534,10 +545,18 @@ class _File:
             case _:
                 return self._expr(node.func)  # perhaps a lambda that is called at once
         everything = base
+        if name in functions.DISTRIBUTED:
+            self._distributed(node, base)
         for one in arguments:
             everything |= one
         for _, one in keywords:
             everything |= one
+        if name == "map" and node.args:
+            applied = _last_name(node.args[0]) or ""
+            if applied in self._functions:
+                self._pass(applied, [everything], [])
+                return self._result(applied) | self._look_up(applied)
+            return self._known_function(_kind_of(applied), node, everything)
         if name not in self._functions and name not in self._aliases:
             kind = _kind_of(name)
             return self._known_function(kind, node, everything) if kind else 0
@@ -551,6 +570,13 @@ class _File:
             if kind:
                 facts |= self._known_function(kind, node, everything)
         return facts
+
+    def _distributed(self, node: ast.Call, base: int) -> None:
+        """Look for a power in what scipy.stats says of a first success: geom.ppf(s, w**k)."""
+        for one in (*node.args[1:], *(word.value for word in node.keywords)):
+            base |= self._expr(one)
+        if base & _POWER:
+            raise _Found
 
     def _known_function(self, kind: str, node: ast.Call, everything: int) -> int:
         match kind:
@@ -591,7 +617,7 @@ class _File:
                 return _POWER | _LOG
             case "add":
                 return _sum(everything, everything) | everything & _POWER
-            case "sub":
+            case "sub" | "rsub":
                 return _difference(everything, everything) | everything & _POWER
             case "mul":
                 return everything & ~_ONE | _POWER
@@ -632,6 +658,8 @@ def _sum(left: int, right: int) -> int:
 
 def _difference(left: int, right: int) -> int:
     facts = _sum(left, _negative(right) if right & (_POWER | _LESS_ONE) else right)
+    if left & right & _POWER:
+        facts |= _COMPLEMENT  # n**k - i**k, to be divided by n**k
     return facts | _LESS_ONE if left & _POWER and right & _ONE else facts
 
 
@@ -718,7 +746,7 @@ _FUNCTIONS = _functions_known()
 @cache
 def _kind_of(name: str) -> str:
     """Say what a function does, by its name; nothing for an unknown one."""
-    known = _FUNCTIONS.get(name)
+    known = _FUNCTIONS.get(name) or _FUNCTIONS.get(name.removesuffix("_"))
     if known is not None:
         return known
     if functions.is_power(name):

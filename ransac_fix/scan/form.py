@@ -31,7 +31,10 @@ class Num:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Name:
-    """A name or dotted path whose value is not known: ``n``, ``self.k``, ``points.shape``."""
+    """A name or dotted path whose value is not known: ``n``, ``self.k``, ``points.shape``.
+
+    An entry of a dictionary is spelled like an attribute: ``options["k"]`` is ``options.k``.
+    """
 
     name: str
     span: Span | None = None
@@ -114,20 +117,22 @@ class Index:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Each:
-    """A comprehension: ``body`` for each value of ``variable`` in ``source``."""
+    """A comprehension: ``body`` for each value of ``variables`` in ``source`` that passes."""
 
     body: "Expr"
-    variable: str
+    variables: tuple[str, ...]
     source: "Expr"
     span: Span | None = None
+    tests: "tuple[Expr, ...]" = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seq:
-    """A tuple or list display."""
+    """A tuple or list display, or a record: a dictionary or object whose items have ``names``."""
 
     items: "tuple[Expr, ...]"
     span: Span | None = None
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -119,11 +119,22 @@ BINARY: dict[str, str] = {
         ("pow", "power", "powf", "powi", "powl", "float_power", "Pow", "ipow", "npow"), "pow"
     ),
     **dict.fromkeys(
-        ("divide", "true_divide", "div", "fdiv", "truediv", "fdividef", "__fdividef"), "div"
+        (
+            "divide",
+            "true_divide",
+            "div",
+            "fdiv",
+            "truediv",
+            "fdividef",
+            "__fdividef",
+            "divide_no_nan",
+        ),
+        "div",
     ),
     **dict.fromkeys(("floor_divide", "floordiv"), "floordiv"),
     **dict.fromkeys(("multiply", "mul"), "mul"),
     **dict.fromkeys(("subtract", "sub"), "sub"),
+    "rsub": "rsub",
     "add": "add",
     **dict.fromkeys(
         [
@@ -167,6 +178,12 @@ def is_power(name: str) -> bool:
     return BINARY.get(name) == "pow" or _OWN_POWER.fullmatch(name) is not None
 
 
+def not_in_place(name: str) -> str:
+    """Name the function that ``x.log_()`` works out in place of x."""
+    plain = name.removesuffix("_")
+    return plain if plain in UNARY or plain in BINARY else name
+
+
 def own_logarithm(name: str) -> str | None:
     """Say which logarithm a function is by its name: ``log``, ``log1p`` or none."""
     if _OWN_LOG.fullmatch(name) is None:
@@ -208,6 +225,28 @@ CLAMPS = frozenset(
 # What no value has as a method with that many arguments: m.log(x), m.pow(x, k).
 MATHEMATICS = frozenset(("log", "log1p", "exp", "expm1", "pow", "comb", "lgamma", "factorial"))
 
+# Comparisons written as functions: np.less(x, y), x.lt(y), operator.lt(x, y).
+COMPARISONS: dict[str, str] = {
+    **dict.fromkeys(("less", "lt", "isless"), "<"),
+    **dict.fromkeys(("less_equal", "le", "islessequal"), "<="),
+    **dict.fromkeys(("greater", "gt", "isgreater"), ">"),
+    **dict.fromkeys(("greater_equal", "ge", "isgreaterequal"), ">="),
+}
+# Of the geometric and the binomial distribution of scipy.stats.
+DISTRIBUTED = frozenset(("ppf", "isf", "cdf", "sf", "pmf"))
+# What makes an object of names and values.
+RECORDS = frozenset(
+    (
+        "dict",
+        "SimpleNamespace",
+        "Namespace",
+        "OrderedDict",
+        "EasyDict",
+        "edict",
+        "AttrDict",
+        "Munch",
+    )
+)
 PRODUCTS = frozenset(("prod", "product", "cumprod"))
 SUMS = frozenset(("sum", "fsum", "nansum"))
 RANGES = frozenset(("arange", "range", "xrange", "trange", "iota"))

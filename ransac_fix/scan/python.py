@@ -210,7 +210,7 @@ class _Reader:
                     out.append(form.Assign(dotted(one), part_expr))
             case ast.Starred():
                 self._assign(target.value, value, out)
-            case ast.Subscript():
+            case ast.Subscript() if dotted(target) is None:
                 # Writing one entry: the array is then what it was, or this.
                 array = dotted(target.value)
                 new = self.expr(value)
@@ -302,7 +302,14 @@ class _Reader:
             case ast.Call():
                 return self._call(node, span)
             case ast.Subscript():
-                return form.Item(self.expr(node.value), self.expr(node.slice), span)
+                path, key = dotted(node), _key(node)
+                if path is not None:
+                    return form.Name(path, span)
+                index = self.expr(node.slice) if key is None else form.Name(key, span)
+                return form.Item(self.expr(node.value), index, span)
+            case ast.Dict(keys=keys) if keys and all(map(_is_key, keys)):
+                names = tuple(str(ast.literal_eval(key)) for key in keys if key is not None)
+                return form.Seq(tuple(map(self.expr, node.values)), span, names)
             case ast.Tuple() | ast.List() | ast.Set():
                 return form.Seq(tuple(map(self.expr, node.elts)), span)
             case ast.Starred() | ast.Await():
@@ -354,21 +361,43 @@ class _Reader:
             parts = [self.expr(generator.iter) for generator in node.generators]
             return form.Unknown((self.expr(node.elt), *parts), span)
         generator = node.generators[0]
-        variable = dotted(generator.target) or ""
-        return form.Each(self.expr(node.elt), variable, self.expr(generator.iter), span)
+        return form.Each(
+            self.expr(node.elt),
+            _targets(generator.target),
+            self.expr(generator.iter),
+            span,
+            tuple(map(self.expr, generator.ifs)),
+        )
 
 
 def dotted(node: ast.expr) -> str | None:
-    """Spell a chain of attributes as ``a.b.c``; None for anything else."""
+    """Spell a chain of attributes and named entries as ``a.b.c``; None for anything else."""
     parts: list[str] = []
     current = node
-    while isinstance(current, ast.Attribute):
-        parts.append(current.attr)
+    while isinstance(current, ast.Attribute | ast.Subscript):
+        part = current.attr if isinstance(current, ast.Attribute) else _key(current)
+        if part is None:
+            return None
+        parts.append(part)
         current = current.value
     if not isinstance(current, ast.Name):
         return None
     parts.append(current.id)
     return ".".join(reversed(parts))
+
+
+def _key(node: ast.Subscript) -> str | None:
+    """Give the key of ``options["key"]``."""
+    return str(ast.literal_eval(node.slice)) if _is_key(node.slice) else None
+
+
+def _is_key(node: ast.expr | None) -> bool:
+    return (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and bool(node.value)
+        and "." not in node.value
+    )
 
 
 def _targets(target: ast.expr) -> tuple[str, ...]:

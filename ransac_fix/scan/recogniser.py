@@ -11,7 +11,7 @@ from itertools import islice
 from ransac_fix.scan import algebra
 from ransac_fix.scan.algebra import Probability
 from ransac_fix.scan.evaluate import Candidate
-from ransac_fix.scan.form import Expr, Fn, Function, Num, Op, Span
+from ransac_fix.scan.form import Expr, Fn, Function, Name, Num, Op, Over, Span
 
 _WAYS = 8
 
@@ -132,12 +132,12 @@ def _test(candidate: Candidate) -> _Reading | None:
     assert isinstance(candidate.expr, Op)
     left, right = candidate.expr.args
     best: _Reading | None = None
-    for side, other in ((left, right), (right, left)):
+    for side, other, whole in _sides(left, right):
         for assumed, trials, formula in _failure_powers(side, other):
             probability = algebra.classify(assumed)
             if probability is None:
                 continue
-            confidence = next(algebra.complement(other), other)
+            confidence = next(algebra.complement(other), other) if whole else None
             reading = _Reading(probability, assumed, confidence, trials, formula)
             if probability.kind == "approximate":
                 return reading
@@ -145,9 +145,22 @@ def _test(candidate: Candidate) -> _Reading | None:
     return best
 
 
+def _sides(left: Expr, right: Expr) -> Iterator[tuple[Expr, Expr, bool]]:
+    """Yield each side of a comparison and the other one, and then the terms of each side."""
+    yield left, right, True
+    yield right, left, True
+    for side, other in ((left, right), (right, left)):
+        terms = list(islice(algebra.terms(side), _WAYS))
+        for _, term in terms if len(terms) > 1 else ():
+            yield term, other, False
+
+
 def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]]:
-    """Yield (P, N, formula) for a side that reads (1-P)**N, 1 - (1-P)**N or N*log(1-P)."""
-    logarithmic = any(True for _ in algebra.log_arguments(other))
+    """Yield (P, N, formula) for a side that reads (1-P)**N, 1 - (1-P)**N or N*log(1-P).
+
+    N*log(1-P) may be a sum of logarithms over the trials, or have its N on the other side.
+    """
+    logarithmic = _is_logarithmic(other)
     for formula in islice(algebra.readings(side), _WAYS):
         for reading in (formula, *islice(algebra.complement(formula), _WAYS)):
             for monomial in islice(algebra.monomials(reading), _WAYS):
@@ -158,14 +171,40 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
                         continue
                     for assumed in islice(algebra.complement(power.base), _WAYS):
                         yield assumed, power.symbol, formula
-        if not (logarithmic and isinstance(formula, Op) and formula.op == "mul"):
-            continue
-        for log, trials in (formula.args, formula.args[::-1]):
-            if isinstance(algebra.plain(trials), Fn | Num):
-                continue
+        for log, trials in _multiples(formula, other) if logarithmic else ():
             for argument in islice(algebra.log_arguments(log), _WAYS):
                 for assumed in islice(algebra.complement(argument), _WAYS):
                     yield assumed, trials, formula
+
+
+def _is_logarithmic(expr: Expr) -> bool:
+    """Whether an expression reads as log(x) or log(x) / N."""
+    for reading in islice(algebra.readings(expr), _WAYS):
+        match reading:
+            case Op(op="div", args=(top, _)):
+                reading = top
+        if any(True for _ in algebra.log_arguments(reading)):
+            return True
+    return False
+
+
+def _multiples(formula: Expr, other: Expr) -> Iterator[tuple[Expr, Expr]]:
+    """Yield (log, N) for N*log, for the sum of a log over N trials, and for log against x/N."""
+    match formula:
+        case Op(op="mul", args=args):
+            for log, trials in (args, args[::-1]):
+                if not isinstance(algebra.plain(trials), Fn | Num):
+                    yield log, trials
+        case Fn(name="log"):
+            for reading in islice(algebra.readings(other), _WAYS):
+                match reading:
+                    case Op(op="div", args=(_, trials)):
+                        yield formula, trials
+    for _, term in islice(algebra.terms(formula), _WAYS):
+        match term:
+            case Over(kind="sum", body=body):
+                for _, log in islice(algebra.terms(body), _WAYS):
+                    yield log, term.count or Name("number of trials")
 
 
 def _inverse(candidate: Candidate) -> _Reading | None:

@@ -32,11 +32,11 @@ _MARKED = {
 }
 
 # What a word says of a text that it stands in.
-_LOG, _POWER, _OPEN, _COMPLEMENT, _LOOP = 1, 2, 4, 8, 16
+_LOG, _POWER, _OPEN, _COMPLEMENT, _LOOP, _COMPARISON = 1, 2, 4, 8, 16, 32
 _KINDS = {**functions.UNARY, **functions.BINARY}
 _LOGS = ("logn", *(name for name, kind in _KINDS.items() if kind in ("log", "log1p")))
 _SAID = {
-    **dict.fromkeys(("log1p", "sub"), _COMPLEMENT),
+    **dict.fromkeys(("log1p", "sub", "rsub"), _COMPLEMENT),
     **dict.fromkeys(
         ("exp", "square", "factorial", "gamma", "lgamma", "comb", "mul"),
         _POWER,
@@ -47,8 +47,11 @@ _SAID = {
 _SAYS = {
     **{name: _SAID.get(kind, 0) for name, kind in _KINDS.items()},
     "hypergeom": _POWER,
+    "geom": _COMPLEMENT | _POWER | _OPEN | _LOG,
+    "binom": _COMPLEMENT | _POWER | _OPEN,
     **dict.fromkeys((*functions.PRODUCTS, "reduce"), _POWER | _OPEN),
     **dict.fromkeys((*functions.ONES, "one", "One", "ONE"), _COMPLEMENT),
+    **dict.fromkeys(functions.COMPARISONS, _COMPARISON),
     "for": _LOOP,
     "while": _LOOP,
     "do": _LOOP,
@@ -57,12 +60,13 @@ _SAYS = {
 _FORMATTED = re.compile(r"[fFtT][rR]?$|[rR][fFtT]$")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _LOG_CALL = re.compile(
-    rf"(?:{'|'.join(sorted(_LOGS, key=len, reverse=True))})\s*(?:<[^<>()]*>)?\s*\("
+    rf"(?:{'|'.join(sorted(_LOGS, key=len, reverse=True))})_?\s*(?:<[^<>()]*>)?\s*\("
 )
 # Another name for one of them, or for a power: `log as ln`, `ln = math.log`.
 _ALIAS = re.compile(
     rf"(?:{'|'.join((*_LOGS, 'pow', 'power', 'prod'))})(?:\s+as\s|[ \t]*;?[ \t]*$)", re.MULTILINE
 )
+_MAPPED = re.compile(rf"map\s*\(\s*[\w.]*(?:{'|'.join(_LOGS)})\s*,")
 _STARS = re.compile(r"\*\*?=?")
 _LITERAL = re.compile(r"(?<![\w.])[\d.]+$")
 _LITERAL_EXPONENT = re.compile(r"[\s\-]*[\d.]")
@@ -86,13 +90,13 @@ def could_hold_a_rule(code: str) -> bool:
     powers += 2 * bool(says & _POWER)
     if not powers or not (says & _COMPLEMENT or _complements(code)):
         return False
-    if _takes_log(code):
+    if says & _LOG or _takes_log(code):
         return True
     opened += 2 * bool(says & _OPEN)
     if opened > 1 and powers > 2:
         return True
-    compares = "<" in code or ">" in code.replace("->", "")
-    return powers > 1 and compares and bool(opened or (grows and says & _LOOP))
+    compares = says & _COMPARISON or "<" in code or ">" in code.replace("->", "")
+    return powers > 1 and bool(compares and (opened or (grows and says & _LOOP)))
 
 
 def split(source: str, language: str = "python") -> tuple[str, str]:
@@ -137,7 +141,7 @@ def comments(source: str) -> Iterator[tuple[int, str]]:
 
 @cache
 def _said_by(word: str) -> int:
-    said = _SAYS.get(word, 0)
+    said = _SAYS.get(word, 0) | _SAYS.get(word.removesuffix("_"), 0)
     if functions.is_power(word):
         said |= _POWER | _OPEN
     if functions.fixed_power(word) is not None:
@@ -152,7 +156,7 @@ def _takes_log(code: str) -> bool:
     for found in _LOG_CALL.finditer(code):
         if not code[found.start() - 1 : found.start()].isalpha():
             return True
-    return bool(_ALIAS.search(code))
+    return bool(_ALIAS.search(code) or _MAPPED.search(code))
 
 
 def _signs(code: str) -> tuple[int, int, bool]:

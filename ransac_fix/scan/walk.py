@@ -80,8 +80,8 @@ def children(expr: Expr) -> tuple[Expr, ...]:
             return options if test is None else (test, *options)
         case Ref(value=value):
             return (value,)
-        case Each(body=inner, source=source):
-            return (inner, source)
+        case Each(body=inner, source=source, tests=tests):
+            return (inner, source, *tests)
         case Seq(items=items):
             return items
         case Item(base=base, index=index):

@@ -63,6 +63,14 @@ APPROXIMATE = {
     "product of a repeated list": "np.prod([w] * k)",
     "product in a comprehension": "prod(w for _ in range(k))",
     "prefactor": "(1 / 3) * w**k",
+    "reduced over a range": "reduce(lambda p, _: p * w, range(k), 1.0)",
+    "reduced by a ufunc": "np.multiply.reduce([w] * k)",
+    "product of an array of equal factors": "np.prod(w * np.ones(k))",
+    "the inverse to a negative power": "(n / I) ** -k",
+    "a power of e": "np.e ** (k * log(w))",
+    "a power of two": "2 ** (k * np.log2(w))",
+    "entries of a dictionary": "c['w'] * c['w'] * c['w']",
+    "a power in a record": "dict(p=w**k)['p']",
 }
 EXACT = {
     "comb": "comb(I, k) / comb(n, k)",
@@ -77,6 +85,8 @@ EXACT = {
     "perm": "perm(I, k) / perm(n, k)",
     "two arrays": "np.prod(np.arange(I - k + 1, I + 1) / np.arange(n - k + 1, n + 1))",
     "comprehension": "prod((I - i) / (n - i) for i in range(k))",
+    "two ranges": "prod(a / b for a, b in zip(range(I, I - k, -1), range(n, n - k, -1)))",
+    "reduced": "reduce(lambda p, i: p * (I - i) / (n - i), range(k), 1.0)",
     "array": "np.prod((I - np.arange(k)) / (n - np.arange(k)))",
     "array method": "((I - np.arange(k)) / (n - np.arange(k))).prod()",
     "sum of logarithms": "exp(sum(log((I - i) / (n - i)) for i in range(k)))",
@@ -115,6 +125,9 @@ LOOPS = {
     "counts counted down": (
         "    p = 1.0\n    for _ in range(k):\n        p *= I / n\n        I -= 1\n        n -= 1\n"
     ),
+    "zip": (
+        "    p = 1.0\n    for a, b in zip(range(I, I - k, -1), range(n, n - k, -1)):\n        p *= a / b\n"
+    ),
     "two products": (
         "    a = b = 1\n    for i in range(k):\n        a *= I - i\n        b *= n - i\n    p = a / b\n"
     ),
@@ -122,6 +135,15 @@ LOOPS = {
         "    t = 0.0\n    for i in range(k):\n        t += log(I - i) - log(n - i)\n    p = exp(t)\n"
     ),
 }
+
+
+def test_reads_a_product_that_calls_itself_as_exact():
+    source = (
+        "from math import log\n"
+        "def P(I, n, k): return 1 if k == 0 else I / n * P(I - 1, n - 1, k - 1)\n"
+        "def f(I, n, k, s): return log(1 - s) / log(1 - P(I, n, k))\n"
+    )
+    assert kinds(source) == ["exact"]
 
 
 @pytest.mark.parametrize("loop", LOOPS.values(), ids=LOOPS.keys())
@@ -282,6 +304,81 @@ WHOLE = {
     "nested function": (
         "def f(w, k):\n    def g(s):\n        return log(1 - s) / log(1 - w**k)\n    return g(0.99)"
     ),
+    "a type of an unknown module": (
+        "from decimal import Decimal\n"
+        "def f(w, k, s): return (Decimal(1) - s).ln() / (Decimal(1) - Decimal(w) ** k).ln()"
+    ),
+    "numerator worked out elsewhere": "def f(w, k, top): return top / log(1 - w**k)",
+    "logarithms of a list": (
+        "def f(w, k, s):\n    a, b = np.log([1 - s, 1 - w**k])\n    return a / b"
+    ),
+    "logarithms of an array": (
+        "def f(w, k, s):\n    logs = np.log(1 - np.array([s, w**k]))\n    return logs[0] / logs[1]"
+    ),
+    "logarithms mapped": (
+        "import math\ndef f(w, k, s):\n    a, b = map(math.log, (1 - s, 1 - w**k))\n    return a / b"
+    ),
+    "logarithms in a comprehension": (
+        "def f(w, k, s):\n    a, b = [log(x) for x in (1 - s, 1 - w**k)]\n    return a / b"
+    ),
+    "a dictionary written out": (
+        "def f(w, k, s):\n    d = {'good': w**k, 'miss': 1 - s}\n    return log(d['miss']) / log(1 - d['good'])"
+    ),
+    "a dictionary filled": (
+        "def f(w, k, s):\n    d = {}\n    d['top'] = log(1 - s)\n    d['bottom'] = log(1 - w**k)\n"
+        "    return d['top'] / d['bottom']"
+    ),
+    "a record": (
+        "from types import SimpleNamespace\ndef f(w, k, s):\n"
+        "    d = SimpleNamespace(good=w**k)\n    return log(1 - s) / log(1 - d.good)"
+    ),
+    "a dictionary of an object": (
+        "class A:\n    def __init__(self, w, k):\n        self.d = {'good': w**k}\n"
+        "    def f(self, s): return log(1 - s) / log(1 - self.d['good'])"
+    ),
+    "in place": "def f(w, k, s):\n    d = 1 - w.pow_(k)\n    d.log_()\n    return log(1 - s) / d",
+    "reversed subtraction": "import torch\ndef f(w, k, s): return log(1 - s) / torch.rsub(w.pow(k), 1).log()",
+    "division that allows zero": (
+        "import tensorflow as tf\ndef f(w, k, s):\n"
+        "    return tf.math.divide_no_nan(tf.math.log(1.0 - s), tf.math.log(1.0 - w**k))"
+    ),
+    "logarithms of the inverse": "def f(w, k, s): return log(1 / (1 - s)) / log(1 / (1 - w**k))",
+    "a logarithm less another": "def f(w, k, s): return -log(1 - s) / (log(1) - log(1 - w**k))",
+    "the bad samples over all": (
+        "def f(I, n, k, s): return log(1 - s) / log((n**k - I**k) / n**k)"
+    ),
+    "the bad samples over all, in logarithms": (
+        "def f(I, n, k, s): return log(1 - s) / (log(n**k - I**k) - k * log(n))"
+    ),
+    "a default": "def f(N=log(1 - 0.99) / log(1 - 0.5**4)): return N",
+    "a function for complements": (
+        "def q(x): return 1 - x\ndef f(w, k, s): return log(q(s)) / log(q(w**k))"
+    ),
+    "the condition of a generator": (
+        "from itertools import count\n"
+        "def f(w, k, s): return next(N for N in count(1) if 1 - (1 - w**k) ** N >= s)"
+    ),
+    "a comparison by a function": "def f(w, k, s, N): return np.less((1 - w**k) ** N, 1 - s)",
+    "a comparison by a method": "def f(w, k, s, N): return ((1 - w**k) ** N).lt(1 - s)",
+    "a comparison with zero": "def f(w, k, s, N): return (1 - w**k) ** N - (1 - s) <= 0",
+    "logarithms added up": (
+        "def f(fit, k, s):\n    miss = 0.0\n    while miss > log(1 - s):\n        miss += log(1 - fit() ** k)"
+    ),
+    "the logarithm for each trial": ("def f(w, k, s, N): return log(1 - s) / N > log(1 - w**k)"),
+    "the trials of a geometric distribution": (
+        "from scipy.stats import geom\ndef f(w, k, s): return geom.ppf(s, w**k)"
+    ),
+    "a geometric distribution": (
+        "from scipy import stats\ndef f(w, k, s): return stats.geom(w**k).isf(1 - s)"
+    ),
+    "no success in so many trials": (
+        "from scipy.stats import binom\ndef f(w, k, s, N): return binom.pmf(0, N, w**k) < 1 - s"
+    ),
+    "a function that calls itself": (
+        "def p(w, k): return 1 if k == 0 else w * p(w, k - 1)\n"
+        "def f(w, k, s): return log(1 - s) / log(1 - p(w, k))"
+    ),
+    "a power of ten": ("def f(w, k, s, N): return 1 - 10 ** (N * log10(1 - w**k)) > s"),
     "entry of an array": (
         "def f(w, k, s):\n    d = np.zeros(3)\n    d[0] = 1 - w**k\n    return log(1 - s) / log(d[0])"
     ),
@@ -309,6 +406,8 @@ SILENT = {
         "def f(n, N, m, T):\n    t = T\n    for i in range(m):\n        t *= (n - i) / (N - i)\n    return t"
     ),
     "change of base": "def f(x, b): return log(x**2) / log(b)",
+    "difference of squares": "def f(a, b, c): return log(c) / log(a**2 - b**2)",
+    "power of two": "def f(n, k): return log(n) / log(1 - 2**k)",
     "docstring": 'def f():\n    """N = log(1 - s) / log(1 - w**k)"""',
 }
 
