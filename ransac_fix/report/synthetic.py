@@ -53,7 +53,7 @@ class RowRecord:
     n_instances: int
     approximate: tuple[Estimate, ...]
     exact: tuple[Estimate, ...]
-    change: tuple[Estimate, ...]
+    change: tuple[Estimate | None, ...]
     in_hand: tuple[float, float]
     trials: tuple[float, float]
     trials_if_kept: float
@@ -230,11 +230,15 @@ def _cells(rows: Sequence[Row]) -> list[list[str]]:
     return [line + [""] * (len(_HEADER) - len(line)) for line in cells]
 
 
-def _signed(estimate: Estimate, digits: int) -> str:
+def _signed(estimate: Estimate | None, digits: int) -> str:
+    if estimate is None:
+        return ""
     return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
 
 
-def _spread(estimate: Estimate, digits: int) -> str:
+def _spread(estimate: Estimate | None, digits: int) -> str:
+    if estimate is None:
+        return "-"
     half = (estimate.high - estimate.low) / 2
     return f"{estimate.value:+.{digits}f}+-{half:.{digits}f}"
 

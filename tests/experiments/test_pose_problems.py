@@ -306,6 +306,22 @@ def break_truth(folder):
     np.savez(folder / "sift" / "street.npz", a=np.zeros((20, 6)), a__gt=np.zeros(7))
 
 
+def break_zip(folder):
+    save_arrays(folder)
+    file = folder / "sift" / "street.npz"
+    file.write_bytes(file.read_bytes()[:200])
+
+
+def break_shape(folder):
+    save_arrays(folder)
+    np.savez(folder / "sift" / "street.npz", a=np.zeros(20), a__gt=np.zeros(9))
+
+
+def break_numbers(folder):
+    save_arrays(folder)
+    np.savez(folder / "sift" / "street.npz", a=np.zeros((20, 6)), a__gt=np.array(["x"] * 9))
+
+
 def break_rows(folder):
     save_arrays(folder)
     (folder / "annotated" / "fundamental" / "yard_pts.txt").write_text("1 2 3\n")
@@ -322,6 +338,13 @@ def break_group(folder):
         del file["pair_0"]["x2"]
 
 
+def break_model(folder):
+    save_benchmark(folder)
+    with h5py.File(folder / "relative" / "scannet1500_sift.h5", "a") as file:
+        del file["pair_0"]["camera1"]["model"]
+        file["pair_0"]["camera1"]["model"] = [1.0]
+
+
 def break_camera(folder):
     save_benchmark(folder, "OPENCV_FISHEYE")
 
@@ -330,7 +353,11 @@ def break_camera(folder):
     ("damage", "message"),
     [
         (break_array, "street.npz: not correspondences with ground truth"),
-        (break_truth, "ground truth of 7 numbers"),
+        (break_truth, "street.npz: .* ground truth of 7 numbers"),
+        (break_zip, "street.npz: not correspondences with ground truth"),
+        (break_shape, "street.npz: not correspondences with ground truth"),
+        (break_numbers, "street.npz: not correspondences with ground truth"),
+        (break_model, "not a file of the PoseLib benchmark"),
         (break_rows, "rows of 3 numbers"),
         (break_words, "not rows of numbers"),
         (break_group, "not a file of the PoseLib benchmark"),

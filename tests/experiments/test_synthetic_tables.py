@@ -242,6 +242,22 @@ def test_json_follows_the_schema():
     assert schema == json.loads(described)
 
 
+@pytest.mark.parametrize("output_format", ["text", "markdown", "json"])
+def test_an_auc_of_nothing_has_no_relative_change(output_format):
+    """Of these two instances neither rule finds the ellipse to within a unit."""
+    args = ["--n", "25", "--inlier-ratio", "0.2", "--seed", "12", "--jobs", "1"]
+    output = run("ellipse", "--instances", "2", *args, "--output-format", output_format)
+    if output_format == "json":
+        (row,) = json.loads(output)["rows"]
+        assert row["approximate"][0]["value"] == 0
+        assert row["change"][0] is None
+    else:
+        first, _, third = (line for line in output.splitlines() if "AUC@" in line)
+        assert "0.000" in first
+        assert "[" not in first
+        assert "[" in third
+
+
 def test_variants_table_has_a_line_each():
     output = run("line", "--variants", "--instances", "40", "--jobs", "1")
     assert all(name in output for name, _ in variants("line"))

@@ -1,5 +1,6 @@
 """Real correspondences: the project's folder of arrays, the PoseLib benchmark, a stereo pair."""
 
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from ransac_fix.experiments.pose.problems import (
     transfer_distances,
 )
 
+# What a file that is damaged, or of another layout, raises.
+_UNREADABLE = (OSError, EOFError, zipfile.BadZipFile, KeyError, IndexError, ValueError)
 # Pairs with fewer inliers are chance hits of views that do not overlap.
 _FEWEST_INLIERS = 12
 
@@ -78,12 +81,12 @@ def _from_arrays(folder: Path) -> Iterator[Problem]:
         try:
             with np.load(path) as file:
                 pairs = {name: (file[name], file[f"{name}__gt"]) for name in _pair_names(file)}
-        except (OSError, ValueError, KeyError) as error:
+            for name, (rows, truth) in pairs.items():
+                yield from _from_rows(path.stem, name, rows, truth)
+        except _UNREADABLE as error:
             raise RansacFixError(
                 f"{path}: not correspondences with ground truth: {error}"
             ) from None
-        for name, (rows, truth) in pairs.items():
-            yield from _from_rows(path.stem, name, rows, truth)
     for path in sorted((folder / "annotated" / "homography").glob("*_pts.txt")):
         yield from _annotated(path, "homography")
     for path in sorted((folder / "annotated" / "fundamental").glob("*_pts.txt")):
@@ -129,7 +132,7 @@ def _from_rows(dataset: str, name: str, rows: FloatArray, truth: FloatArray) -> 
             for kind in kinds:
                 yield Problem(kind, dataset, name, first, second, motion, cameras)
     else:
-        raise RansacFixError(f"{dataset}: {name}: ground truth of {len(truth)} numbers")
+        raise ValueError(f"{name}: ground truth of {len(truth)} numbers, not 9, 21 or 30")
 
 
 def _fundamental(
@@ -210,7 +213,7 @@ def _benchmark_file(path: Path, kinds: tuple[Kind, ...]) -> Iterator[Problem]:
                 cameras = (first_camera, second_camera)
                 for kind in kinds:
                     yield Problem(kind, path.stem, name, first, second, motion, cameras, limit)
-    except (OSError, KeyError, ValueError) as error:
+    except (*_UNREADABLE, AttributeError, TypeError) as error:
         raise RansacFixError(f"{path}: not a file of the PoseLib benchmark: {error}") from None
 
 

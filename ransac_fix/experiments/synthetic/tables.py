@@ -25,8 +25,8 @@ class Row:
         How often.
     approximate, exact : tuple of Estimate
         AUC at 1, 2, 3 in percent.
-    change : tuple of Estimate
-        Exact relative to approximate, paired, in percent.
+    change : tuple of Estimate or None
+        Exact relative to approximate, paired, in percent; None where the approximate AUC is 0.
     in_hand : tuple of float
         Mean inliers in hand when the approximate and the exact rule stop: the fewest with which
         each stops where it did.
@@ -48,7 +48,7 @@ class Row:
     n_instances: int
     approximate: tuple[Estimate, ...]
     exact: tuple[Estimate, ...]
-    change: tuple[Estimate, ...]
+    change: tuple[Estimate | None, ...]
     in_hand: tuple[float, float]
     trials: tuple[float, float]
     trials_if_kept: float
@@ -72,7 +72,12 @@ def summarise(setup: Setup, runs: Runs) -> Row:
         n_instances=len(trials),
         approximate=tuple(mean(approximate[:, i]).times(100) for i in n),
         exact=tuple(mean(exact[:, i]).times(100) for i in n),
-        change=tuple(relative_change(approximate[:, i], exact[:, i]).times(100) for i in n),
+        change=tuple(
+            relative_change(approximate[:, i], exact[:, i]).times(100)
+            if approximate[:, i].any()
+            else None
+            for i in n
+        ),
         in_hand=(float(in_hand[0].mean()), float(in_hand[1].mean())),
         trials=(float(trials[:, 0].mean()), float(trials[:, 1].mean())),
         trials_if_kept=float(np.maximum(asked[1][in_hand[0]], runs.trials[:, 0]).mean()),
