@@ -259,6 +259,8 @@ def _without_sign(expr: Expr) -> Expr | None:
     match plain(expr):
         case Op(op="neg", args=(inner,)):
             return inner
+        case Num(value=value, span=span) if value < 0:
+            return Num(-value, span)
         case Op(op="mul" | "div" as operator, args=(left, right)):
             first = _without_sign(left)
             if first is not None:

@@ -17,7 +17,7 @@ from ransac_fix.scan.suppressions import Comment
 LANGUAGE = tree_sitter.Language(tree_sitter_cpp.language())
 _BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div", "%": "mod", "&&": "and", "||": "or"}
 _COMPARE = frozenset(("<", "<=", ">", ">=", "==", "!="))
-_NUMBER = re.compile(r"(0[xX][0-9a-fA-F]+|[0-9.]+(?:[eE][-+]?[0-9]+)?)")
+_NUMBER = re.compile(r"([-+]?)\s*(0[xX][0-9a-fA-F]+|[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _TYPES = frozenset(
     (
         "primitive_type",
@@ -48,6 +48,7 @@ _BLOCKS = frozenset(
         "export_declaration",
         "concept_definition",
         "attributed_statement",
+        "init_statement",
     )
 )
 _MAX_DEPTH = 400
@@ -56,7 +57,13 @@ _NAMED_TYPE = re.compile(
     r"\b(?:typename|class|using)\s+(\w+)\s*[,>=]|\btypedef\b[^;{}]*\b(\w+)\s*;"
 )
 _DISTRIBUTION = re.compile(r"\buniform_(?:int|smallint)(?:_distribution)?\b")
+_TUPLES = frozenset(("make_pair", "make_tuple", "forward_as_tuple"))
 _SAYS_TYPE = re.compile(r"T|FT|RT|Float|Double|\w*(?:Scalar|Real|Type|_type|_t)")
+
+# What a macro needs for it to be read, and what is no part of its value: the mark of a line that
+# goes on, and comments.
+_COMPUTES = re.compile(r"[*/]|\b\w*(?:pow|log|exp)\w*\s*\(|^\(?\s*[-+]?[\d.]+[\w.]*\s*\)?$")
+_MARGIN = re.compile(r"\\(?=\r?\n)|/\*[^\n]*?\*/|//[^\n]*")
 
 Node = tree_sitter.Node
 
@@ -94,6 +101,7 @@ class _Reader:
         self._locals: set[str] | None = None
         self._depth = 0
         self._distributions: set[str] = set()
+        self._fields: dict[str, list[str]] = {}
         named = _NAMED_TYPE.findall(source)
         self._types = frozenset(name for pair in named for name in pair if name)
 
@@ -204,7 +212,9 @@ class _Reader:
                         out.append(form.If(form.Unknown(), inner_block, ()))
                     else:
                         out.extend(inner_block)
-            case "comment" | "preproc_include" | "preproc_def" | "preproc_function_def":
+            case "preproc_def" | "preproc_function_def":
+                self._macro(node, out)
+            case "comment" | "preproc_include":
                 pass
             case "using_declaration" | "alias_declaration" | "type_definition":
                 for child in node.named_children:
@@ -261,6 +271,8 @@ class _Reader:
         kind = node.child_by_field_name("type")
         draws = kind is not None and _DISTRIBUTION.search(self.text(kind)) is not None
         for declarator in node.children_by_field_name("declarator"):
+            if _unpacks(declarator):
+                self._unpack(declarator, out)
             name = self._declared(declarator)
             if not name:
                 continue
@@ -276,7 +288,34 @@ class _Reader:
                 self._lambda(name, value, out)
                 continue
             out.append(form.Assign(name, self._initial(value)))
+            if value.type == "initializer_list" and kind is not None:
+                self._members(name, self._spelled(kind), value, out)
             self._steps(declarator, out)
+
+    def _unpack(self, declarator: Node, out: list[Stmt]) -> None:
+        """Give each name of ``auto [a, b] = ...`` its part."""
+        names = declarator.child_by_field_name("declarator")
+        value = declarator.child_by_field_name("value")
+        if names is None or value is None:
+            return
+        whole = self._initial(value)
+        listed = [self.text(one) for one in names.named_children if one.type == "identifier"]
+        for number, name in enumerate(listed):
+            self._declare(name)
+            out.append(form.Assign(name, form.Item(whole, form.Num(float(number)), whole.span)))
+
+    def _members(self, name: str, kind: str, value: Node, out: list[Stmt]) -> None:
+        """Set the members of a struct of this file that is initialised with a list."""
+        names = self._fields.get(kind, [])
+        for number, child in enumerate(value.named_children):
+            part: Node | None = child
+            own = names[number] if number < len(names) else None
+            if child.type == "initializer_pair":
+                designator = child.child_by_field_name("designator")
+                part = child.child_by_field_name("value")
+                own = None if designator is None else self.text(designator).lstrip(".").strip()
+            if own and part is not None and part.type != "comment":
+                out.append(form.Assign(f"{name}.{own}", self._initial(part)))
 
     def _initial(self, value: Node) -> Expr:
         if value.type in ("argument_list", "initializer_list"):
@@ -401,6 +440,42 @@ class _Reader:
         if block is not None:
             self._statement(block, out)
 
+    def _macro(self, node: Node, out: list[Stmt]) -> None:
+        """Read a macro as what it is used as: a value, a function, or statements."""
+        named, value = node.child_by_field_name("name"), node.child_by_field_name("value")
+        listed = node.child_by_field_name("parameters")
+        if named is None or value is None or not _COMPUTES.search(self.text(value)):
+            return
+        name = self.text(named)
+        parameters = tuple(
+            form.Parameter(self.text(one), None, self.span(one), by_reference=True)
+            for one in (listed.named_children if listed is not None else ())
+            if one.type == "identifier"
+        )
+        for opened, closed in (("auto _ =", ";"), ("void _() {", ";}")):
+            inner = _Reader(self._alone(value, opened, closed))
+            if inner.root.has_error:
+                continue
+            inner._types = self._types
+            match inner.module().body:
+                case (form.Assign(value=read),) if listed is None:
+                    out.append(form.Assign(name, read))
+                case (form.Assign(value=read),):
+                    body = (form.Leave("return", read),)
+                    out.append(form.Function(name, parameters, body, self.span(node)))
+                case (form.Function(body=block),):
+                    out.append(form.Function(name, parameters, block, self.span(node)))
+            return
+
+    def _alone(self, node: Node, opened: str, closed: str) -> str:
+        """Give a source that has a node where it stands, between two words, and nothing else."""
+        row, column = node.start_point
+        text = _MARGIN.sub(lambda found: " " * len(found[0]), self.text(node))
+        before = "\n" * row + " " * column
+        if row:
+            return f"{before[: row - 1]}{opened}\n{' ' * column}{text}{closed}"
+        return f"{before[: column - len(opened)]}{opened}{text}{closed}"
+
     def _collect_locals(self, block: Node) -> None:
         """Declare what a body declares anywhere, so that members are told apart from it."""
         stack = [block]
@@ -430,7 +505,8 @@ class _Reader:
                 self._declare(name)
                 default = child.child_by_field_name("default_value")
                 value = self.expr(default) if default is not None else None
-                found.append(form.Parameter(name, value, self.span(named)))
+                reference = _is_reference(child.child_by_field_name("declarator"))
+                found.append(form.Parameter(name, value, self.span(named), reference))
         return tuple(found)
 
     def _class(self, node: Node, out: list[Stmt]) -> None:
@@ -438,6 +514,14 @@ class _Reader:
         if body is None:
             return
         name = self._spelled(named).rpartition(".")[2] if named is not None else ""
+        self._fields[name] = [
+            declared
+            for child in body.named_children
+            if child.type == "field_declaration"
+            for declarator in child.children_by_field_name("declarator")
+            if declarator.type != "function_declarator"
+            and (declared := self._declared(declarator)) is not None
+        ]
         outer = self._owner, self._locals
         self._owner, self._locals = name, None
         inner = self._statements(body.named_children)
@@ -643,6 +727,8 @@ class _Reader:
                     return form.Call(None, "pow", (*args, self.expr(exponent)), (), span)
             if name in self._distributions and not scope:
                 name = "randInt"  # dist(engine) draws one
+            if name in _TUPLES:
+                return form.Seq(args, span)
             if functions.UNARY.get(name) == "same":
                 scope = ""  # cv::saturate_cast<float>(x)
             return form.Call(form.Name(scope) if scope else None, name, args, (), span)
@@ -676,6 +762,18 @@ def _declared_node(node: Node | None) -> Node | None:
     return None
 
 
+def _is_reference(declarator: Node | None) -> bool:
+    return declarator is not None and declarator.type in (
+        "reference_declarator",
+        "pointer_declarator",
+    )
+
+
+def _unpacks(declarator: Node) -> bool:
+    named = declarator.child_by_field_name("declarator")
+    return named is not None and named.type == "structured_binding_declarator"
+
+
 def _limit(scope: str, name: str, span: Span) -> Expr | None:
     """Read the limits of the number types."""
     if not scope.endswith("numeric_limits"):
@@ -702,8 +800,9 @@ def _number(text: str) -> float:
     found = _NUMBER.match(text.replace("'", ""))
     if found is None:
         return float("nan")
+    sign = -1.0 if found[1] == "-" else 1.0  # the parser takes it for a part of the number
     try:
-        return float(int(found[1], 16)) if found[1][:2] in ("0x", "0X") else float(found[1])
+        return sign * (int(found[2], 16) if found[2][:2] in ("0x", "0X") else float(found[2]))
     except ValueError:
         return float("nan")
 

@@ -405,6 +405,8 @@ class CppSource(Source):
 
     def support(self, power: Span, path: str) -> tuple[Edit, ...] | str:
         """Give the edit that adds the function, where the file has none yet."""
+        if self._node(power).type == "preproc_arg":
+            return "the power stands in a macro, whose names may be anything"
         target = self._byte(power.line, power.column)
         before = self._bytes[:target].replace(b"\r\n", b"\n")
         single = self._type_of_power(self._node(power)) == "float"

@@ -97,11 +97,15 @@ class _Scope:
     owner: str | None
     returns: list[Expr] = field(default_factory=list)
     exits: list[list[Env]] = field(default_factory=list)
+    ends: list[Env] | None = None  # what names are where it returns, if that is asked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Summary:
+    """What a function returns, and what it makes of its parameters by reference."""
+
     value: Expr
+    changed: Mapping[str, Expr]
     parameters: Mapping[str, Name]
     order: tuple[str, ...]
     defaults: Mapping[str, Expr]
@@ -209,6 +213,8 @@ class _Evaluator:
                     self._scope.returns.append(value)
                 if stmt.kind in ("break", "continue") and self._scope.exits:
                     self._scope.exits[-1].append(dict(env))
+                elif stmt.kind == "return" and self._scope.ends is not None:
+                    self._scope.ends.append(dict(env))
                 return False
             case Import():
                 env[stmt.name] = self._module_named(stmt.target)
@@ -373,7 +379,7 @@ class _Evaluator:
 
     # ---- functions ------------------------------------------------------------------------
 
-    def _walk_function(self, function: Function) -> tuple[list[Expr], dict[str, Name]]:
+    def _walk_function(self, function: Function) -> tuple[list[Expr], dict[str, Name], list[Env]]:
         env = dict(self._closures.get(id(function), self._globals))
         for name, value in self._globals.items():
             env.setdefault(name, value)
@@ -384,11 +390,14 @@ class _Evaluator:
         env.update(parameters)
         outer = self._scope, self._loops, self._target, self._call
         self._scope = _Scope(function, function.owner)
+        if any(one.by_reference for one in function.parameters):
+            self._scope.ends = []
         self._loops, self._target, self._call = 0, None, None
-        self._block(function.body, env)
+        ends = [env] if self._block(function.body, env) else []
         returns = self._scope.returns
+        ends += self._scope.ends or []
         self._scope, self._loops, self._target, self._call = outer
-        return returns, parameters
+        return returns, parameters, ends
 
     def _summary(self, function: Function) -> _Summary | None:
         """Say what a function returns, in its parameters; None when that says nothing."""
@@ -398,7 +407,7 @@ class _Evaluator:
         recording = self._recording
         # In the second walk this records, even where the call that led here does not.
         self._recording = recording or self._second
-        returns, parameters = self._walk_function(function)
+        returns, parameters, ends = self._walk_function(function)
         defaults = {
             one.name: self._expr(one.default, dict(self._globals))
             for one in function.parameters
@@ -407,12 +416,18 @@ class _Evaluator:
         self._recording = recording
         value = self._choice(returns)
         value = self._unrolled(function, value) or value
+        changed = {
+            one.name: self._choice([env[one.name] for env in ends if one.name in env])
+            for one in function.parameters
+            if one.by_reference
+        }
+        changed = {name: one for name, one in changed.items() if self._has(one, LOG | POW)}
         summary = None
-        if self._has(value, LOG | POW) or _is_complement(value):
+        if changed or self._has(value, LOG | POW) or _is_complement(value):
             order = tuple(one.name for one in function.parameters)
             if function.owner and order and order[0] in ("self", "cls"):
                 order = order[1:]
-            summary = _Summary(value, parameters, order, defaults)
+            summary = _Summary(value, changed, parameters, order, defaults)
         self._summaries[id(function)] = summary
         return summary
 
@@ -467,11 +482,17 @@ class _Evaluator:
             return None
         if len(named) == 1:
             return named[0]
-        owner = self._scope.owner if base is not None else None
-        same = [one for one in named if one.owner == owner]
-        return same[0] if len(same) == 1 else None
+        # A method of its own class goes before a function, where it is called like one.
+        owners = (self._scope.owner,) if base is not None else (self._scope.owner, None)
+        for owner in owners:
+            same = [one for one in named if one.owner == owner]
+            if len(same) > 1:
+                same = [one for one in same if len(one.parameters) == len(call.args)]
+            if len(same) == 1:
+                return same[0]
+        return None
 
-    def _inline(self, summary: _Summary, call: Call, arguments: "Arguments") -> Expr:
+    def _inline(self, summary: _Summary, call: Call, arguments: "Arguments", env: Env) -> Expr:
         positional, keywords = arguments
         values: dict[int, Expr] = {}
         for name, value in zip(summary.order, positional, strict=False):
@@ -483,7 +504,13 @@ class _Evaluator:
             values.setdefault(id(summary.parameters[name]), value)
         outer, self._call = self._call, call.span
         self._inlining += 1
-        result = self._substitute(summary.value, values, {})
+        memo: dict[int, Expr] = {}
+        result = self._substitute(summary.value, values, memo)
+        for name, value in summary.changed.items():
+            given = summary.order.index(name)
+            target = call.args[given] if given < len(call.args) else None
+            if isinstance(target, Name):
+                self._bind(target.name, self._substitute(value, values, memo), env)
         self._inlining -= 1
         self._call = outer
         return result
@@ -751,7 +778,7 @@ class _Evaluator:
         if function is not None and self._inlining < _MAX_INLINE:
             summary = self._summary(function)
             if summary is not None:
-                return self._inline(summary, call, (args, keywords))
+                return self._inline(summary, call, (args, keywords), env)
         name = call.name
         if base is None:
             bound = env.get(name)
@@ -808,6 +835,8 @@ class _Evaluator:
         kind = functions.UNARY.get(name) or functions.BINARY.get(name)
         if kind in functions.MATHEMATICS and len(args) == 1 + (name in functions.BINARY):
             module = True  # whatever it is of, a method would have one argument less
+        if name == "LogX" and len(args) == 2:
+            module = True
         named = dict(keywords)
         # The operand comes first: the receiver of a method, or the first argument.
         operands = args if module or base is None else (base, *args)
@@ -855,7 +884,8 @@ class _Evaluator:
             return self._new(Over("sum", over.body, over.loop, over.count, span), (over.body,))
         if name == "full" and len(operands) >= 2:
             return operands[1]
-        if name == "logn" and len(operands) == 2:  # numpy's logarithm of x to the base n
+        # numpy's logarithm of x to the base n, and Unreal's
+        if name in ("logn", "LogX") and len(operands) == 2:
             logs = tuple(self._fn("log", (one,), span) for one in operands[::-1])
             return self._op("div", logs, span)
         if name in functions.UNARY and operands:
@@ -1208,8 +1238,10 @@ def _is_complement(expr: Expr) -> bool:
 
 
 def _is_power(expr: Expr) -> bool:
-    expr = _unwrap(expr)
-    return isinstance(expr, Op) and expr.op == "pow"
+    match _unwrap(expr):
+        case Op(op="pow") | Fn(name="exp"):
+            return True
+    return False
 
 
 def _multiplies(function: Expr) -> bool:

@@ -218,11 +218,12 @@ class Import:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parameter:
-    """A parameter and its default."""
+    """A parameter and its default; one by reference may change what it is called with."""
 
     name: str
     default: Expr | None = None
     span: Span | None = None
+    by_reference: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

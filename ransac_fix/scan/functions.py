@@ -10,7 +10,9 @@ import re
 # Functions of one argument, written f(x) or x.f(). "same" leaves the value alone for the
 # recogniser's purposes: casts, rounding, containers, moves between devices.
 UNARY: dict[str, str] = {
-    **dict.fromkeys(("log", "ln", "logf", "logl", "Log", "alog", "Log_e"), "log"),
+    **dict.fromkeys(
+        ("log", "ln", "logf", "logl", "Log", "LOG", "Loge", "LN", "qLn", "alog", "Log_e"), "log"
+    ),
     **dict.fromkeys(("log10", "log10f", "Log10"), "log"),
     **dict.fromkeys(("log2", "log2f"), "log"),
     **dict.fromkeys(("log1p", "log1pf"), "log1p"),
@@ -133,7 +135,7 @@ BINARY: dict[str, str] = {
     ),
     **dict.fromkeys(("floor_divide", "floordiv"), "floordiv"),
     **dict.fromkeys(("multiply", "mul"), "mul"),
-    **dict.fromkeys(("subtract", "sub"), "sub"),
+    **dict.fromkeys(("subtract", "sub", "fdim", "fdimf"), "sub"),
     "rsub": "rsub",
     "add": "add",
     **dict.fromkeys(
@@ -156,21 +158,22 @@ BINARY: dict[str, str] = {
     **dict.fromkeys(("perm", "nPr", "npr", "falling_factorial", "poch"), "comb"),
 }
 
-# Functions that libraries write for themselves: fastpow, int_pow, powInt, pow_n, vcl_log, safe_log.
-_OWN = "_*(?:fast|quick|my|int|integer|safe|const|static|gpu|cuda|native|half|std|vcl)"
+# Functions that libraries write for themselves: fastpow, int_pow, powInt, pow_n, vcl_log, safe_log,
+# gsl_pow_int, qPow, native_powr.
+_OWN = "_*(?:fast|quick|my|int|integer|safe|const|static|gpu|cuda|native|half|std|vcl|gsl|q|cv)"
 # No more spellings than ``triage`` looks for.
 _OWN_LOG = re.compile(rf"(?:{_OWN}_|_+)?(?:[lL]og(?:2|10|1p|[fl])?|ln)")
 _OWN_POWER = re.compile(
     rf"(?:{_OWN})?_*pow(?:er)?"
-    r"(?:_?(?:fast|int|integer|i|u|n|f|d|k|int32|uint|scalar))?_?",
+    r"(?:_?(?:fast|int|integer|i|u|n|r|f|d|k|int32|uint|scalar))?_?",
     re.IGNORECASE,
 )
 _OWN_FIXED = {
     **dict.fromkeys(("sq", "sqr", "square", "squared"), 2.0),
-    **dict.fromkeys(("cube", "cubed", "pow3"), 3.0),
-    "pow4": 4.0,
-    "pow5": 5.0,
+    **dict.fromkeys(("cube", "cubed"), 3.0),
+    "gsl_pow_2": 2.0,
 }
+_OWN_DIGIT = re.compile(r"(?:[a-z]+_)?pow(?:er)?_?([3-9])")  # pow2(x) may be 2**x
 
 
 def is_power(name: str) -> bool:
@@ -193,7 +196,8 @@ def own_logarithm(name: str) -> str | None:
 
 def fixed_power(name: str) -> float | None:
     """Give the power that a function of one argument takes by its name."""
-    return _OWN_FIXED.get(name.lower())
+    digit = _OWN_DIGIT.fullmatch(name.lower())
+    return float(digit[1]) if digit is not None else _OWN_FIXED.get(name.lower())
 
 
 # Bounds on a value: clip(x, low, high), x.clamp(min=low), max(x, low).

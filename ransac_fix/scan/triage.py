@@ -34,7 +34,7 @@ _MARKED = {
 # What a word says of a text that it stands in.
 _LOG, _POWER, _OPEN, _COMPLEMENT, _LOOP, _COMPARISON = 1, 2, 4, 8, 16, 32
 _KINDS = {**functions.UNARY, **functions.BINARY}
-_LOGS = ("logn", *(name for name, kind in _KINDS.items() if kind in ("log", "log1p")))
+_LOGS = ("logn", "LogX", *(name for name, kind in _KINDS.items() if kind in ("log", "log1p")))
 _SAID = {
     **dict.fromkeys(("log1p", "sub", "rsub"), _COMPLEMENT),
     **dict.fromkeys(

@@ -19,6 +19,143 @@ def kinds(source: str) -> list[str]:
 
 
 APPROXIMATE = {
+    "Qt's functions": """
+int Trials(double w, int k, double s) { return qCeil(qLn(1 - s) / qLn(1 - qPow(w, k))); }
+""",
+    "Unreal's functions": """
+int32 Trials(double W, int32 K, double S) {
+  return FMath::CeilToInt(FMath::LogX(1 - FMath::Pow(W, K), 1 - S));
+}
+""",
+    "GSL's functions": """
+int trials(double w, double s) { return ceil(gsl_log1p(-s) / gsl_log1p(-gsl_pow_3(w))); }
+""",
+    "an integer power of GSL": """
+int trials(double w, int k, double s) { return log(1 - s) / log(1 - gsl_pow_int(w, k)); }
+""",
+    "OpenCL's functions": """
+int trials(float w, float k, float s) {
+  return ceil(native_log(1 - s) / native_log(1 - native_powr(w, k)));
+}
+""",
+    "functions in capitals": """
+int trials(float w, int k, float s) { return CEIL(LOG(1 - s) / LOG(1 - POW(w, k))); }
+""",
+    "a difference that is not negative": """
+int Trials(double w, int k, double s) {
+  return std::log(std::fdim(1.0, s)) / std::log(std::fdim(1.0, std::pow(w, k)));
+}
+""",
+    "a declaration in a condition": """
+int Trials(double w, int i) {
+  if (auto trials = std::log(0.01) / std::log(1 - std::pow(w, 4)); trials > i) return 1;
+  return 0;
+}
+""",
+    "members of a struct by their order": """
+struct Quotient { double top; double bottom; double Value() const; };
+int Trials(double w, int k, double s) {
+  const Quotient q{std::log(1 - s), std::log(1 - std::pow(w, k))};
+  return q.top / q.bottom;
+}
+""",
+    "members of a struct by their names": """
+struct quotient { double top, bottom; };
+int trials(double w, int k, double s) {
+  struct quotient q = {.bottom = log(1 - pow(w, k)), .top = log(1 - s)};
+  return q.top / q.bottom;
+}
+""",
+    "two parts of one value": """
+int Trials(double w, int k, double s) {
+  const auto [top, bottom] = std::make_pair(std::log(1 - s), std::log(1 - std::pow(w, k)));
+  return top / bottom;
+}
+""",
+    "a sum of logarithms": """
+int Run(double s) {
+  double failed = 0, best = 0;
+  int i = 0;
+  for (; i < 1000; i++) {
+    const double w = Evaluate(i);
+    if (w > best) best = w;
+    failed += std::log(1 - std::pow(best, 4));
+    if (failed < std::log(1 - s)) break;
+  }
+  return i;
+}
+""",
+    "solved for the inliers by exponentials": """
+double Unseen(int n, int k, int trials, double s) {
+  const double miss = std::exp(std::log(1 - s) / trials);
+  return n * std::exp(std::log(1 - miss) / k);
+}
+""",
+    "a logarithm by its name": """
+int Trials(double w) { return m_logEta / std::log(1 - std::pow(w, 3)); }
+""",
+    "a numerator by its name": """
+class Ransac {
+  double numerator_;
+  int Trials(double w) const { return numerator_ / std::log(1 - std::pow(w, 3)); }
+};
+""",
+    "a macro that holds the formula": """
+#define TRIALS ((int) (log(1 - P) / \\
+  log(1 - pow(W, 4)))) /* of an assumed ratio */
+""",
+    "a macro with arguments": """
+#define ALL_INLIERS(w, k) pow((w), (k)) // the chance of a good sample
+int Trials(int inliers, int n, double s) {
+  return (int) ceil(log(1.0 - s) / log(1.0 - ALL_INLIERS((double) inliers / n, 7)));
+}
+""",
+    "a macro of statements": """
+#define UPDATE(trials, inliers, n) do { \\
+  double w = (double) (inliers) / (n); \\
+  trials = log(0.01) / log(1 - w * w * w); \\
+} while (0)
+""",
+    "a power by reference": """
+static void GoodSample(double w, int k, double& p) {
+  if (k == 0) {
+    p = 1;
+    return;
+  }
+  p = std::pow(w, k);
+}
+int Trials(double w, int k, double s) {
+  double p;
+  GoodSample(w, k, p);
+  return std::log(1 - s) / std::log(1 - p);
+}
+""",
+    "a power by pointer": """
+void good_sample(double w, int k, double *p) { *p = pow(w, k); }
+int trials(double w, int k, double s) {
+  double p;
+  good_sample(w, k, &p);
+  return log(1 - s) / log(1 - p);
+}
+""",
+    "a literal with its sign": """
+int Trials(double w, double s) { return std::log(1 - s) * pow(std::log(-1 * w * w * w + 1), -1); }
+""",
+    "overloads told apart by their arguments": """
+double GoodSample(int inliers, int n, int k) { return GoodSample(double(inliers) / n, k); }
+double GoodSample(double w, int k) { return std::pow(w, k); }
+int Trials(int inliers, int n, double s) {
+  return std::log(1 - s) / std::log(1 - GoodSample(inliers, n, 4));
+}
+""",
+    "a method of its own class": """
+struct Other { double Good() const { return 1; } };
+struct Ransac {
+  double Good() const { return w * w * w; }
+  int Trials(double s) const { return std::log(1 - s) / std::log(1 - Good()); }
+  double w;
+};
+""",
     "behind a macro that hides an if": """
 bool Robust(const Options& o, Result& results) {
   START_OF_CHECKED_CODE
@@ -235,6 +372,23 @@ double ransac_trials(double w, double s) { return log(1 - s) / log(1 - all_inlie
 """,
 }
 EXACT = {
+    "a product in a macro": """
+#define FALLING(n) ((n) * ((n) - 1) * ((n) - 2))
+int Trials(double inliers, double n, double s) {
+  return log(1 - s) / log(1 - FALLING(inliers) / FALLING(n));
+}
+""",
+    "a product by reference": """
+void GoodSample(int inliers, int n, int k, double& p) {
+  p = 1;
+  for (int i = 0; i < k; i++) p *= double(inliers - i) / (n - i);
+}
+int Trials(int inliers, int n, int k, double s) {
+  double p;
+  GoodSample(inliers, n, k, p);
+  return std::log(1 - s) / std::log(1 - p);
+}
+""",
     "a loop": """
 size_t Trials(size_t inliers, size_t n, size_t k, double s) {
   double p = 1.0;
@@ -284,6 +438,13 @@ double ransac(int I, int n, int k, double s) {
 """,
 }
 OTHER = {
+    "a sum of logarithms of no power": """
+bool Ransac(double s) {
+  double sum = 0;
+  for (int i = 0; i < 10; i++) sum += log(1 - residual[i]);
+  return sum < log(1 - s);
+}
+""",
     "octree cells": """
 double stop_probability(double m, double n, double d, int k, double candidates) {
   return std::min(std::pow(1. - m / (n * d * (1 << (k - 1))), candidates), 1.);

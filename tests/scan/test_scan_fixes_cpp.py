@@ -398,6 +398,16 @@ double trials(int n_inliers, int n, int k) {
 }""",
         "the file has something else named all_inlier_probability",
     ),
+    "a macro of statements": (
+        """#define UPDATE(N, I, n) { float w = (float) I / n; N = log(0.01) / log(1 - pow(w, 3)); }
+""",
+        "stands in a macro",
+    ),
+    "a macro with arguments": (
+        """#define TRIALS(s, w, k) (log(1 - (s)) / log(1 - pow((w), (k))))
+""",
+        "stands in a macro",
+    ),
     "a percentage": (
         """double trials(double percent, int k) {
   return log(0.01) / log(1 - pow(percent / 100, k));
