@@ -77,6 +77,8 @@ _ONE_LESS = re.compile(r"1(?:\.0*)?[fFlL]?[\s)\]}\"']*-")
 _PLUS_ONE = re.compile(r"\+\s*(?:-|1(?![\d.]*[1-9]))")
 _LESS_ONE = re.compile(r"-\s*1(?:\.0*)?\s*\)")
 _MINUS_GROUP = re.compile(r"-\s*\(")
+# (a - b) / a, log(a - b) - log(a)
+_OF_WHOLE = re.compile(r"-[^;=\n]*\)\s*(?:/|-[^;=\n]*log)")
 _IS_ONE = re.compile(r"=\s*(?:[\w.]+[(\[{])*1(?:\.0*)?[fFlL]?(?![\w.])")
 _NAME = re.compile(r"(\w+)\s*(?::[^=\n]*)?$")
 
@@ -206,6 +208,8 @@ def _complements(code: str) -> bool:
         if not (before.isalnum() or before in ("_", ".")):
             return True
     if _LESS_ONE.search(code) and _MINUS_GROUP.search(code):
+        return True
+    if _OF_WHOLE.search(code):
         return True
     ones: set[str] = set()
     for found in _IS_ONE.finditer(code):

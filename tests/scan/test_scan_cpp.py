@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ransac_fix.scan import cpp, scan_paths
+from ransac_fix.scan import cpp, scan_paths, triage
 from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.reading import Text
 from ransac_fix.scan.scanner import read, scan_source
@@ -19,6 +19,16 @@ def kinds(source: str) -> list[str]:
 
 
 APPROXIMATE = {
+    "a fraction of all samples": """
+int Trials(int I, int n, int k) {
+  return std::log(0.01) / std::log((std::pow(n, k) - std::pow(I, k)) / std::pow(n, k));
+}
+""",
+    "a difference of logarithms": """
+int Trials(int I, int n, int k) {
+  return std::log(0.01) / (std::log(std::pow(n, k) - std::pow(I, k)) - k * std::log(n));
+}
+""",
     "Qt's functions": """
 int Trials(double w, int k, double s) { return qCeil(qLn(1 - s) / qLn(1 - qPow(w, k))); }
 """,
@@ -464,6 +474,12 @@ double ransac(const Vector& T, double s, double w, int k) {
 @pytest.mark.parametrize("source", APPROXIMATE.values(), ids=APPROXIMATE.keys())
 def test_reads_as_approximate(source):
     assert kinds(source) == ["approximate"]
+
+
+@pytest.mark.parametrize("source", APPROXIMATE.values(), ids=APPROXIMATE.keys())
+def test_the_gate_lets_it_through(source):
+    code, _ = triage.split(source, "c++")
+    assert triage.could_hold_a_rule(code)
 
 
 @pytest.mark.parametrize("source", EXACT.values(), ids=EXACT.keys())
