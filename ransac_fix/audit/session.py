@@ -316,7 +316,8 @@ class _Crew:
         """Measure with one worker; whether it died and another is needed."""
         options = self._options
         prepared = job.system in options.preparable
-        host.allow(max(_DESCRIBE_SECONDS, options.seconds))
+        # To import a library takes long on a cold disk; to describe a user's function runs it.
+        host.allow(options.seconds if job.arguments else max(_DESCRIBE_SECONDS, options.seconds))
         described = host.ask("describe", prepare=options.prepare if prepared else None)
         if not described["installed"]:
             job.installed = False

@@ -1,16 +1,17 @@
 """``ransac-fix audit``: which stopping rule the installed libraries obey, measured."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from ransac_fix.cli.printed import printed
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from typing import TextIO
-
-    from rich.console import Console
 
     from ransac_fix.audit.expectations import Expectation, Surprises
     from ransac_fix.audit.model import Control, Report, Verdict
@@ -267,7 +268,7 @@ def _verdict_writers(
     from ransac_fix.report.verdicts_text import print_verdicts
 
     return {
-        "text": lambda to: print_verdicts(report, _console(to), every_point=every_point),
+        "text": lambda to: printed(partial(print_verdicts, report, every_point=every_point), to),
         "json": lambda to: click.echo(verdicts_json(report), to),
         "markdown": lambda to: click.echo(verdicts_markdown(report, surprises), to),
         "junit": lambda to: click.echo(verdicts_junit(report, surprises), to),
@@ -283,17 +284,11 @@ def _release_writers(
     from ransac_fix.report.releases_text import print_releases
 
     return {
-        "text": lambda to: print_releases(report, _console(to)),
+        "text": lambda to: printed(partial(print_releases, report), to),
         "json": lambda to: click.echo(releases_json(report), to),
         "markdown": lambda to: click.echo(releases_markdown(report, surprises), to),
         "junit": lambda to: click.echo(releases_junit(report, surprises), to),
     }
-
-
-def _console(stream: "TextIO") -> "Console":
-    from rich.console import Console
-
-    return Console(file=stream, highlight=False, markup=False)
 
 
 def _file_and_format(text: str) -> tuple[str, str]:

@@ -53,6 +53,7 @@ def command(
     report follows on stderr, and the exit code is the program's. ARGS go to it untouched.
     """
     import tempfile
+    from functools import partial
 
     from ransac_fix.cli.run import command_line
     from ransac_fix.errors import RansacFixError
@@ -85,12 +86,11 @@ def command(
         except OSError as error:
             raise RansacFixError(f"{json_file} cannot be written: {error.strerror}") from error
     else:
-        from rich.console import Console
-
+        from ransac_fix.cli.printed import printed
         from ransac_fix.report.trace_text import print_trace
 
         sys.stdout.flush()
-        print_trace(report, Console(stderr=True, highlight=False, markup=False))
+        printed(partial(print_trace, report), sys.stderr)
     ctx.exit(code)
 
 

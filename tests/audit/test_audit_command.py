@@ -33,6 +33,7 @@ from ransac_fix.audit.model import (
 )
 from ransac_fix.cli import audit as audit_command
 from ransac_fix.cli import main
+from ransac_fix.cli.audit import show
 from ransac_fix.errors import RansacFixError
 from ransac_fix.report.verdicts_json import verdicts_json
 from ransac_fix.report.verdicts_junit import verdicts_junit
@@ -387,3 +388,10 @@ def test_upgrading_is_advised_where_a_newer_release_was_measured(
     assert fixed_in_release(system, version, entry_point) == fixed
     advice = advise("undersamples", None, "max_trials", fixed)
     assert advice == (f"Fixed in {fixed}: upgrade." if fixed else "")
+
+
+def test_no_line_of_a_file_ends_in_blanks(capsys):
+    show(report(VERDICT), "text", every_point=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 10
+    assert [line for line in lines if line != line.rstrip()] == []

@@ -164,6 +164,11 @@ def module(tmp_path, monkeypatch):
             return best
 
 
+        def hangs(x, y, **_):
+            import time
+
+            time.sleep(3600)
+
         def raises(x, y, **_):
             raise KeyError("no")
         """
@@ -185,10 +190,11 @@ def test_the_command_measures_a_function_of_this_folder(module):
 @pytest.mark.parametrize(
     ("target", "problem", "complaint"),
     [
-        ("{}:raises", "line", "KeyError: 'no'"),
+        ("{}:raises", "line", "KeyError: 'no' (my_own_ransac.py, line "),
         ("{}:absent", "line", "my_own_ransac has no absent"),
         ("no_such_module_of_mine:f", "line", "No module named 'no_such_module_of_mine'"),
         ("{}:always_all", "lines", "unknown problem 'lines'"),
+        ("{}:always_all", "lines", "similarity3d, affine3d"),  # to the end
     ],
 )
 def test_the_command_says_in_one_line_what_is_wrong(module, target, problem, complaint):
@@ -196,3 +202,9 @@ def test_the_command_says_in_one_line_what_is_wrong(module, target, problem, com
     assert isinstance(run.exception, RansacFixError)
     assert complaint in str(run.exception)
     assert "\n" not in str(run.exception)
+
+
+def test_the_time_is_that_of_the_whole_measurement(module):
+    run = CliRunner().invoke(probe.command, [f"{module}:hangs", "--problem", "line", "--timeout=1"])
+    assert isinstance(run.exception, RansacFixError)
+    assert "gave no answer within its time (1 s)" in str(run.exception)

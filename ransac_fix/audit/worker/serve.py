@@ -8,6 +8,8 @@ import importlib.util
 import json
 import os
 import sys
+import traceback
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Settings, Unmeasured
@@ -16,7 +18,6 @@ from ransac_fix.audit.worker.requests import REQUESTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
-    from pathlib import Path
     from typing import TextIO
 
 
@@ -185,11 +186,21 @@ def serve(probe_file: Path, requests: Iterable[str], answers: TextIO) -> None:
         try:
             send(worker.answer(json.loads(line)))
         except Exception as error:  # noqa: BLE001 -- whatever a library raises is the answer
-            send({"error": _one_line(error)})
+            # Of a library, the line is nobody's to mend.
+            place = _place(error) if worker.probe.system == "your own" else ""
+            send({"error": _one_line(error) + place})
 
 
 def _one_line(error: BaseException) -> str:
-    text = " ".join(str(error).split())[:200]
+    text = " ".join(str(error).split())
     if type(error).__name__ == "RansacFixError":
         return text
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    said = f": {text[:200]}" if text else ""
+    return f"{type(error).__name__}{said}"
+
+
+def _place(error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    if type(error).__name__ == "RansacFixError" or not frames:
+        return ""
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
