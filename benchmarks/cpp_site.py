@@ -14,9 +14,9 @@ from pathlib import Path
 
 import tree_sitter
 
-from ransac_fix.scan.cpp import LANGUAGE
 from ransac_fix.scan.cpp_helper import FLOAT_SOURCE, HELPER, HELPER_SOURCE
 from ransac_fix.scan.cpp_nodes import walk
+from ransac_fix.scan.cpp_tree import LANGUAGE
 from ransac_fix.scan.findings import Location
 
 Node = tree_sitter.Node

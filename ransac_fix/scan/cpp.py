@@ -8,13 +8,11 @@ import re
 from collections.abc import Iterator, Sequence
 
 import tree_sitter
-import tree_sitter_cpp
 
-from ransac_fix.scan import form, functions
+from ransac_fix.scan import cpp_tree, form, functions
 from ransac_fix.scan.form import Expr, Span, Stmt
 from ransac_fix.scan.suppressions import Comment
 
-LANGUAGE = tree_sitter.Language(tree_sitter_cpp.language())
 _BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div", "%": "mod", "&&": "and", "||": "or"}
 _COMPARE = frozenset(("<", "<=", ">", ">=", "==", "!="))
 _NUMBER = re.compile(r"([-+]?)\s*(0[xX][0-9a-fA-F]+|[0-9.]+(?:[eE][-+]?[0-9]+)?)")
@@ -51,7 +49,7 @@ _BLOCKS = frozenset(
         "init_statement",
     )
 )
-_MAX_DEPTH = 400
+_MAX_DEPTH = 120
 # The names that a file gives to types, and how those of other files end.
 _NAMED_TYPE = re.compile(
     r"\b(?:typename|class|using)\s+(\w+)\s*[,>=]|\btypedef\b[^;{}]*\b(\w+)\s*;"
@@ -69,13 +67,7 @@ Node = tree_sitter.Node
 
 
 def parse(source: str) -> form.Module:
-    """Read one C, C++ or CUDA file.
-
-    Raises
-    ------
-    RecursionError
-        The file is nested too deeply.
-    """
+    """Read one C, C++ or CUDA file; what is nested too deeply is left out."""
     return _Reader(source).module()
 
 
@@ -93,7 +85,7 @@ def comments(source: str) -> Iterator[Comment]:
 class _Reader:
     def __init__(self, source: str) -> None:
         self._bytes = source.encode("utf-8", "surrogatepass")
-        self.root = tree_sitter.Parser(LANGUAGE).parse(self._bytes).root_node
+        self.root = cpp_tree.parse(self._bytes)
         self._lines: list[bytes] | None = None
         if not source.isascii():
             self._lines = self._bytes.split(b"\n")
@@ -130,13 +122,11 @@ class _Reader:
         return tuple(self._statements([node])) if node is not None else ()
 
     def _statement(self, node: Node, out: list[Stmt]) -> None:
+        if self._depth >= _MAX_DEPTH:
+            return
         self._depth += 1
-        if self._depth > _MAX_DEPTH:
-            raise RecursionError
-        try:
-            self._one_statement(node, out)
-        finally:
-            self._depth -= 1
+        self._one_statement(node, out)
+        self._depth -= 1
 
     def _one_statement(self, node: Node, out: list[Stmt]) -> None:
         match node.type:
@@ -282,6 +272,10 @@ class _Reader:
             value = default
             if declarator.type == "init_declarator":
                 value = declarator.child_by_field_name("value")
+            elif declarator.type == "function_declarator":
+                vexed = self._vexed(declarator)
+                if vexed is not None:
+                    out.append(form.Assign(name, vexed))
             if value is None:
                 continue
             if value.type == "lambda_expression":
@@ -291,6 +285,28 @@ class _Reader:
             if value.type == "initializer_list" and kind is not None:
                 self._members(name, self._spelled(kind), value, out)
             self._steps(declarator, out)
+
+    def _vexed(self, declarator: Node) -> Expr | None:
+        """Read ``double q(w)`` and ``double q(pow(w, k))`` of variables as what is meant."""
+        listed = declarator.child_by_field_name("parameters")
+        if self._locals is None or listed is None or len(listed.named_children) != 1:
+            return None
+        only = listed.named_children[0]
+        kind, inner = only.child_by_field_name("type"), only.child_by_field_name("declarator")
+        if kind is None or kind.type not in ("type_identifier", "qualified_identifier"):
+            return None
+        name, span = self._spelled(kind), self.span(only)
+        if inner is None:
+            return form.Name(name, span) if name in self._locals else None
+        given = inner.child_by_field_name("parameters")
+        if inner.type != "abstract_function_declarator" or given is None:
+            return None
+        args = [one.child_by_field_name("type") for one in given.named_children]
+        names = tuple(form.Name(self._spelled(one), self.span(one)) for one in args if one)
+        if not any(one.name in self._locals for one in names):
+            return None
+        scope, _, function = name.rpartition(".")
+        return form.Call(form.Name(scope) if scope else None, function, names, (), span)
 
     def _unpack(self, declarator: Node, out: list[Stmt]) -> None:
         """Give each name of ``auto [a, b] = ...`` its part."""
@@ -572,13 +588,12 @@ class _Reader:
     # ---- expressions ----------------------------------------------------------------------
 
     def expr(self, node: Node) -> Expr:
+        if self._depth >= _MAX_DEPTH:
+            return form.Unknown((), self.span(node))
         self._depth += 1
-        if self._depth > _MAX_DEPTH:
-            raise RecursionError
-        try:
-            return self._one_expr(node)
-        finally:
-            self._depth -= 1
+        read = self._one_expr(node)
+        self._depth -= 1
+        return read
 
     def _one_expr(self, node: Node) -> Expr:
         span = self.span(node)
@@ -673,6 +688,8 @@ class _Reader:
         if left is None or right is None or operator is None:
             return form.Unknown((), span)
         sign = self.text(operator)
+        if sign == "<<":  # what is written to a stream may be long
+            return form.Unknown(tuple(self.expr(one) for one in _shifted(node)), span)
         parts = (self.expr(left), self.expr(right))
         if sign in _COMPARE:
             return form.Op(sign, parts, span)
@@ -767,6 +784,18 @@ def _is_reference(declarator: Node | None) -> bool:
         "reference_declarator",
         "pointer_declarator",
     )
+
+
+def _shifted(node: Node) -> list[Node]:
+    """Give what a chain of << has between its signs."""
+    found: list[Node] = []
+    while True:
+        left, right = node.child_by_field_name("left"), node.child_by_field_name("right")
+        operator = node.child_by_field_name("operator")
+        if left is None or right is None or operator is None or operator.type != "<<":
+            return [node, *reversed(found)]
+        found.append(right)
+        node = left
 
 
 def _unpacks(declarator: Node) -> bool:

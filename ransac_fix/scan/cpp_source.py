@@ -6,7 +6,7 @@ from pathlib import PurePath
 
 import tree_sitter
 
-from ransac_fix.scan.cpp import LANGUAGE
+from ransac_fix.scan import cpp_tree
 from ransac_fix.scan.cpp_helper import FLOAT_SOURCE, GUARD, HELPER, HELPER_SOURCE, anchor, indent
 from ransac_fix.scan.cpp_nodes import (
     FUNCTIONS,
@@ -93,7 +93,7 @@ class CppSource(Source):
     def __init__(self, text: Text, path: str) -> None:
         super().__init__(text)
         self._bytes = text.source.encode("utf-8", "surrogatepass")
-        self._root = tree_sitter.Parser(LANGUAGE).parse(self._bytes).root_node
+        self._root = cpp_tree.parse(self._bytes)
         self._lines = self._bytes.split(b"\n")
         self._starts = [0]
         for line in self._lines:

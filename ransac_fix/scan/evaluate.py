@@ -53,6 +53,7 @@ COMPARISONS = frozenset(("<", "<=", ">", ">="))
 _MAX_DEPTH = 80
 _MAX_CHOICES = 6
 _MAX_INLINE = 4
+_MAX_CALLS = 12  # functions that are walked one from within the other
 _MAX_NODES = 400_000
 
 
@@ -136,6 +137,7 @@ class _Evaluator:
         self._target: str | None = None
         self._call: Span | None = None
         self._inlining = 0
+        self._calls = 0
         for function in functions_of(module.body):
             self._functions.setdefault(function.name, []).append(function)
 
@@ -403,11 +405,15 @@ class _Evaluator:
         """Say what a function returns, in its parameters; None when that says nothing."""
         if id(function) in self._summaries:
             return self._summaries[id(function)]
+        if self._calls >= _MAX_CALLS:
+            return None  # it is walked later, by itself
+        self._calls += 1
         self._summaries[id(function)] = None  # a recursive function has no summary
         recording = self._recording
         # In the second walk this records, even where the call that led here does not.
         self._recording = recording or self._second
         returns, parameters, ends = self._walk_function(function)
+        self._calls -= 1
         defaults = {
             one.name: self._expr(one.default, dict(self._globals))
             for one in function.parameters
