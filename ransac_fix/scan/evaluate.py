@@ -1026,7 +1026,7 @@ class _Evaluator:
             own = self._functions.get(name, ())
             summary = self._summary(own[0]) if len(own) == 1 and not module else None
             if summary is not None and self._inlining < _MAX_INLINE:
-                return self._inline(summary, Call(None, name, (), (), span), (args, ()))
+                return self._inline(summary, Call(None, name, (), (), span), (args, ()), {})
             return self._known(name, self._module_named(module) if module else None, args, (), span)
         return self._new(Fn("?", args, span), args)
 
