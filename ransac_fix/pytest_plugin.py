@@ -48,6 +48,9 @@ def assert_stopping_rule() -> Callable[..., None]:
 
     This is `ransac_fix.testing.assert_stopping_rule`.
     """
+    from ransac_fix.extras import need
+
+    need("numpy", extra="audit")
     from ransac_fix.testing import assert_stopping_rule
 
     return assert_stopping_rule
@@ -74,10 +77,16 @@ class _Asked:
 
 
 def _asked(config: pytest.Config) -> _Asked:
+    from ransac_fix.errors import RansacFixError
+    from ransac_fix.extras import need
+
+    try:
+        need("numpy", extra="audit")
+    except RansacFixError as error:
+        raise pytest.UsageError(f"ransac-fix: {error}") from None
     from ransac_fix.audit.expectations import load_expectations
     from ransac_fix.audit.model import JUDGEMENTS
     from ransac_fix.audit.session import chosen_probes
-    from ransac_fix.errors import RansacFixError
 
     systems = config.getini("ransac_fix_audit")
     expect = config.getini("ransac_fix_expect")

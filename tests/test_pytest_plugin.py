@@ -212,3 +212,11 @@ def test_the_audit_of_the_page_passes(examples):
     examples.makepyfile("def test_one(): pass")
     result = examples.runpytest_subprocess("test_the_audit_of_the_page_passes.py")
     result.assert_outcomes(passed=2)
+
+
+def test_without_numpy_the_extra_is_named(audited, monkeypatch):
+    monkeypatch.setitem(sys.modules, "numpy", None)
+    result, asked = audited(report(EXACT), "ransac_fix_audit = kornia")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: ransac-fix: this needs numpy: pip install *audit*"])
+    assert asked == []

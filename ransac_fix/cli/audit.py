@@ -146,7 +146,7 @@ def command(
     """
     from importlib.metadata import entry_points as installed_entry_points
 
-    from ransac_fix.cli.extras import need
+    from ransac_fix.extras import need
 
     need("numpy", extra="audit")
     from ransac_fix.audit.expectations import compare, load_expectations

@@ -47,7 +47,7 @@ def command(
 
     Exit codes: 0 when it does not undersample, 1 when it does, 2 when it could not be measured.
     """
-    from ransac_fix.cli.extras import need
+    from ransac_fix.extras import need
 
     need("numpy", extra="audit")
     from ransac_fix.audit.session import Options, audit_function

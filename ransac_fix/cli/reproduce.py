@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ransac_fix.cli.extras import need
 from ransac_fix.cli.progress import progress_bar
+from ransac_fix.extras import need
 
 if TYPE_CHECKING:
     from collections.abc import Callable
