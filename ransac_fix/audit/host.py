@@ -22,6 +22,8 @@ _ONE_THREAD = dict.fromkeys(
 )
 
 NO_ANSWER = "gave no answer within its time"
+# For a process that will answer no more to end by itself.
+_LAST_SECONDS = 10.0
 
 
 class WorkerFailed(Exception):  # noqa: N818 -- what happened, in the words of a verdict
@@ -65,7 +67,11 @@ class WorkerHost:
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self._answer()
+        try:
+            self._answer()
+        except WorkerFailed:
+            self.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -127,7 +133,8 @@ class WorkerHost:
             self._kill()
             seconds = time.monotonic() - started
             raise WorkerFailed(f"{NO_ANSWER} ({seconds:.0f} s)") from None
-        if not line:
+        # A line that does not end is what a crash has left of an answer.
+        if not line.endswith("\n"):
             raise WorkerFailed(self._death())
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
@@ -135,7 +142,11 @@ class WorkerHost:
         return answer
 
     def _death(self) -> str:
-        code = self._process.wait()
+        try:
+            code = self._process.wait(timeout=_LAST_SECONDS)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            return "closed the pipe that its answers go through"
         self._stderr.seek(0)
         said = self._stderr.read().decode("utf-8", "replace").strip().splitlines()
         how = f"crashed with {signal.Signals(-code).name}" if code < 0 else f"exited with {code}"

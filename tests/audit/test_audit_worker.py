@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ransac_fix.audit import session, worker
+from ransac_fix.audit import host, session, worker
 from ransac_fix.audit.host import WorkerFailed, WorkerHost
 from ransac_fix.audit.proof import Controls
 from ransac_fix.audit.session import Options
@@ -16,6 +16,12 @@ from ransac_fix.audit.session import Options
 HEAD = """
 import os, sys, time
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Probe, Unmeasured
+
+def is_pipe(fd):
+    try:
+        return os.readlink(f"/proc/self/fd/{{fd}}").startswith("pipe:")
+    except OSError:
+        return False
 
 def misbehave(planted, settings, seed):
     {body}
@@ -57,9 +63,22 @@ def audit(file: Path, seconds: float = 20.0):
         ("sys.stderr.write('last words'); sys.stderr.flush(); os._exit(3)", "last words"),
         ("raise RuntimeError('not today')", "RuntimeError: not today"),
         ("import ctypes; ctypes.string_at(0)", "crashed with SIGSEGV"),
+        # Into the pipe that answers go through, whichever it is.
+        (
+            "[os.write(fd, b'{') for fd in range(3, 30) if is_pipe(fd)]; os._exit(4)",
+            "exited with 4",
+        ),
+        pytest.param(
+            "[os.close(fd) for fd in range(3, 30) if is_pipe(fd)]; time.sleep(1000)",
+            "closed the pipe",
+            marks=pytest.mark.skipif(sys.platform != "linux", reason="pipes are told by /proc"),
+        ),
     ],
 )
-def test_a_crash_is_a_verdict_and_the_next_entry_point_is_measured(tmp_path, body, reason):
+def test_a_crash_is_a_verdict_and_the_next_entry_point_is_measured(
+    tmp_path, monkeypatch, body, reason
+):
+    monkeypatch.setattr(host, "_LAST_SECONDS", 0.2)
     verdicts = audit(probe(tmp_path, body))
     assert [v.entry_point for v in verdicts] == ["first", "second", "third"]
     assert all(v.verdict == "not measured" for v in verdicts)
@@ -77,10 +96,10 @@ def test_a_hang_is_a_verdict_after_its_time(tmp_path):
 
 
 def test_output_of_the_library_does_not_mix_with_answers(tmp_path):
-    with WorkerHost(probe(tmp_path, "pass"), sys.executable, 20) as host:
-        assert host.ask("describe")["version"] != ""
+    with WorkerHost(probe(tmp_path, "pass"), sys.executable, 20) as asked:
+        assert asked.ask("describe")["version"] != ""
         case = {"entry_point": "second", "cases": [[5, 3, 1, "groups", []]], "seed": 0}
-        assert host.ask("hits", **case)["hits"] == [True]
+        assert asked.ask("hits", **case)["hits"] == [True]
 
 
 def test_a_library_that_is_absent_is_not_installed(tmp_path):
