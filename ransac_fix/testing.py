@@ -68,9 +68,9 @@ def measure_stopping_rule(
     problem : str
         What it estimates: a row of the table there.
     sample_size : int, optional
-        k, where it is not the one in the table.
+        k, 1 to 20, where it is not the one in the table.
     typical_trials : int, optional
-        How long a run may be; the measurement takes some hundred runs.
+        How many trials a run may take, 10 to 1000; the measurement takes some hundred runs.
 
     Returns
     -------
@@ -79,7 +79,8 @@ def measure_stopping_rule(
     Raises
     ------
     RansacFixError
-        If the problem is unknown or the function returns something else than a mask.
+        If the problem is unknown, a number is out of range or the function returns something else
+        than a mask.
     """
     host = LocalHost(
         entry_point(

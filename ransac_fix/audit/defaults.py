@@ -16,9 +16,9 @@ def standard_problems(sample_size: int) -> tuple[tuple[int, int], ...]:
     Parameters
     ----------
     sample_size : int
-        k.
+        k. The few are 20, or more where a sample is so large that 20 would hold little else.
     """
-    return (20, sample_size + 3), (100, 60), (200, 50), (100, 20)
+    return (max(20, sample_size + 6), sample_size + 3), (100, 60), (200, 50), (100, 20)
 
 
 # More trials than anybody waits for.

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ransac_fix.audit.worker.interface import EntryPoint, Outcome, Settings
-from ransac_fix.audit.worker.planted import PROBLEMS, Planted, plant
+from ransac_fix.audit.worker.planted import Planted, plant
+from ransac_fix.audit.worker.streams import LARGEST_CONFIDENCE
 from ransac_fix.errors import RansacFixError
 
 # Runs that are repeated, on so many problems: by chance all agree once in 10^8 times.
@@ -59,11 +60,11 @@ def entry_point(
     problem : str
         The planted problem it can solve; key of `SAMPLE_SIZES`.
     sample_size : int, optional
-        k, where it is not that of the problem's usual minimal solver.
+        k, 1 to 20, where it is not that of the problem's usual minimal solver.
     name : str, optional
         For the report.
     typical_trials : int, optional
-        How many trials a run may take: lower for a slow function.
+        How many trials a run may take, 10 to 1000: lower for a slow function.
 
     Returns
     -------
@@ -72,11 +73,17 @@ def entry_point(
     Raises
     ------
     RansacFixError
-        If the problem is unknown or the function returns something else.
+        If the problem is unknown, a number is out of range or the function returns something else.
     """
     if problem not in SAMPLE_SIZES:
         raise RansacFixError(f"unknown problem {problem!r}: use one of {', '.join(SAMPLE_SIZES)}")
-    k = sample_size or SAMPLE_SIZES[problem]
+    k = SAMPLE_SIZES[problem] if sample_size is None else sample_size
+    for argument, value, low, high in (
+        ("sample_size", k, 1, 20),
+        ("typical_trials", typical_trials, 10, 1000),
+    ):
+        if not low <= value <= high:
+            raise RansacFixError(f"{argument} must be from {low} to {high}, not {value!r}")
     qualified = str(getattr(function, "__qualname__", type(function).__name__))
     title = name or qualified.rpartition("<locals>.")[2]
 
@@ -100,7 +107,6 @@ def entry_point(
     first = run(tried, Settings(20, 0.9), 0)
     # Solvers that give several models meet further measurements by chance.
     spare = 2 if problem in ("fundamental", "essential") else 1
-    assert problem in PROBLEMS
     return EntryPoint(
         title,
         problem,
@@ -136,7 +142,7 @@ def _repeatable(
 ) -> bool:
     """Whether the same arguments give the same outcome, of trials that hit every second time."""
     # Without a budget a low confidence ends runs early.
-    confidence = 1 - 2.0**-53 if budget else _LOW
+    confidence = LARGEST_CONFIDENCE if budget else _LOW
     n = sample_size + 3
     trials = max(1, round(0.7 * math.comb(n, sample_size) / (sample_size + 1)))
     for seed in range(_PROBLEMS):

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ransac_fix.audit import plan
-from ransac_fix.audit.laws import Candidate, fit, formula
-from ransac_fix.audit.model import Point
+from ransac_fix.audit.judge import judge
+from ransac_fix.audit.laws import Candidate, Fit, fit, formula
+from ransac_fix.audit.measure import Measurement
+from ransac_fix.audit.model import Point, SamplerLaw, StoppingLaw
 
 # (n, I) of the planted problems.
 PROBLEMS = {k: tuple((s.n, s.group_size) for s in plan.settings(k, 80)) for k in (2, 3, 4, 5, 7)}
@@ -150,3 +152,17 @@ def test_a_formula_of_each_class_lets_through_what_the_class_does(phi, text):
         trials = eval(rule, {"math": math, "x": x, "round": round})
         assert x > trials - phi
         assert x <= trials + 1 - phi
+
+
+@pytest.mark.parametrize("sample_size", range(1, 21))
+def test_what_a_rule_comes_to_is_said_for_samples_of_every_size(sample_size):
+    """Its first standard problem holds no more inliers than measurements."""
+    sampler = SamplerLaw("distinct", sample_size, 0, 0.0, 0, (1.0, 1.0))
+    at_once = Measurement(sampler, (), Fit(None), 0, {}, ("first model",))
+    assert "s=0.99 needs" in judge(at_once)[1]
+    candidate = Candidate("approximate", sample_size)
+    law = StoppingLaw("approximate", sample_size, 0, 1.0, (1.0, 1.0), "every trial", False, "")
+    point = Point(60, sample_size + 1, sample_size, 40, 3.0, 2.9, 5, "flip")
+    verdict, reason = judge(Measurement(sampler, (point,), Fit(law), 0, {}))
+    assert verdict == ("undersamples" if sample_size > 1 else "exact")
+    assert candidate.describe() in reason

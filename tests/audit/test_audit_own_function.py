@@ -204,6 +204,19 @@ def test_the_command_says_in_one_line_what_is_wrong(module, target, problem, com
     assert "\n" not in str(run.exception)
 
 
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"sample_size": 0}, "sample_size must be from 1 to 20, not 0"),
+        ({"sample_size": 21}, "sample_size must be from 1 to 20, not 21"),
+        ({"typical_trials": 0}, "typical_trials must be from 10 to 1000, not 0"),
+    ],
+)
+def test_numbers_out_of_range_are_one_error(options, complaint):
+    with pytest.raises(RansacFixError, match=complaint):
+        measure_stopping_rule(line_ransac(exact), problem="line", **options)
+
+
 def test_the_time_is_that_of_the_whole_measurement(module):
     run = CliRunner().invoke(probe.command, [f"{module}:hangs", "--problem", "line", "--timeout=1"])
     assert isinstance(run.exception, RansacFixError)
