@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from importlib.metadata import entry_points
@@ -179,7 +180,10 @@ def probe_files() -> dict[str, Path]:
     """Return the file of every probe installed, by system. Nothing is imported but packages."""
     files = {}
     for entry_point in entry_points(group=GROUP):
-        spec = find_spec(entry_point.module)
+        spec = None
+        # The package that declares a probe may have gone without its metadata.
+        with suppress(ImportError):
+            spec = find_spec(entry_point.module)
         if spec is not None and spec.origin is not None:
             files[entry_point.name] = Path(spec.origin)
     order = {system.name: index for index, system in enumerate(load_systems())}

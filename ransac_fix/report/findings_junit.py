@@ -1,13 +1,10 @@
 """Findings as JUnit XML: one failed test case a finding, one passed where there is none."""
 
-import re
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ransac_fix.report.findings_text import place
+from ransac_fix.report.xml_text import cleaned
 from ransac_fix.scan import ScanResult
-
-# What XML 1.0 cannot hold, not even escaped.
-_FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def findings_junit(result: ScanResult) -> str:
@@ -29,16 +26,16 @@ def findings_junit(result: ScanResult) -> str:
         case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
         text = f"{place(finding.location)}\n{finding.expression}"
         if finding.severity == "note":
-            SubElement(case, "system-out").text = _clean(f"{finding.message}\n{text}")
+            SubElement(case, "system-out").text = cleaned(f"{finding.message}\n{text}")
             continue
-        failure = SubElement(case, "failure", message=_clean(finding.message))
-        failure.text = _clean(text)
+        failure = SubElement(case, "failure", message=cleaned(finding.message))
+        failure.text = cleaned(text)
     for finding in result.suppressed:
         case = _case(suite, finding.location.path, finding.code, finding.location.start_line)
-        SubElement(case, "skipped", message=_clean(finding.suppression or "no reason given"))
+        SubElement(case, "skipped", message=cleaned(finding.suppression or "no reason given"))
     for error in result.errors:
         case = _case(suite, error.path, error.code, error.line or 1)
-        SubElement(case, "error", message=_clean(error.message))
+        SubElement(case, "error", message=cleaned(error.message))
     if not total:
         SubElement(suite, "testcase", classname="ransac-fix", name="scan")
     indent(suite)
@@ -46,10 +43,6 @@ def findings_junit(result: ScanResult) -> str:
 
 
 def _case(suite: Element, path: str, code: str, line: int) -> Element:
-    path = _clean(path)
+    path = cleaned(path)
     name = f"{code} line {line}"
     return SubElement(suite, "testcase", classname=path, name=name, file=path, line=str(line))
-
-
-def _clean(text: str) -> str:
-    return _FORBIDDEN.sub("\ufffd", text)

@@ -11,6 +11,7 @@ from ransac_fix.report.verdicts_junit import (
     unmet_cases,
     verdict_case,
 )
+from ransac_fix.report.xml_text import cleaned
 
 
 def releases_junit(report: ReleaseReport, surprises: Surprises | None = None) -> str:
@@ -25,7 +26,7 @@ def releases_junit(report: ReleaseReport, surprises: Surprises | None = None) ->
             compared_cases(suite, release.verdicts, surprises)
         if not release.verdicts:
             case = SubElement(suite, "testcase", classname=release.system, name="-")
-            SubElement(case, "skipped", message=release.unmeasured)
+            SubElement(case, "skipped", message=cleaned(release.unmeasured))
         count_cases(suite)
     if surprises is not None and surprises.unmet:
         suite = SubElement(suites, "testsuite", name="expected")

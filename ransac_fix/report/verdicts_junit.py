@@ -6,6 +6,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from ransac_fix.audit.expectations import Surprises
 from ransac_fix.audit.model import Control, Judgement, Report, Verdict
 from ransac_fix.report.outcomes_text import outcome_summary
+from ransac_fix.report.xml_text import cleaned
 
 _FAILURE: Judgement = "undersamples"
 
@@ -44,7 +45,7 @@ def unmet_cases(suite: Element, surprises: Surprises) -> None:
         name = f"{unmet.entry_point}{f' in {unmet.releases}' if unmet.releases else ''}"
         case = SubElement(suite, "testcase", classname=unmet.system, name=name)
         message = f"expected but not seen: {unmet.verdict}"
-        SubElement(case, "failure", message=message).text = unmet.reason
+        SubElement(case, "failure", message=cleaned(message)).text = cleaned(unmet.reason)
 
 
 _JUDGED = "judged"
@@ -56,7 +57,7 @@ def verdict_case(suite: Element, verdict: Verdict, failure: str | None = _JUDGED
         suite,
         "testcase",
         classname=verdict.system,
-        name=verdict.entry_point,
+        name=cleaned(verdict.entry_point),
         time=f"{verdict.seconds:.2f}",
     )
     found = f"{verdict.verdict}: {verdict.reason}"
@@ -65,11 +66,11 @@ def verdict_case(suite: Element, verdict: Verdict, failure: str | None = _JUDGED
     if failure is not None:
         evidence = "" if verdict.outcomes is None else outcome_summary(verdict.outcomes)
         text = " ".join(filter(None, (verdict.advice, evidence)))
-        SubElement(case, "failure", message=failure).text = text
+        SubElement(case, "failure", message=cleaned(failure)).text = cleaned(text)
     elif verdict.verdict == "not measured":
-        SubElement(case, "skipped", message=verdict.reason)
+        SubElement(case, "skipped", message=cleaned(verdict.reason))
     elif verdict.verdict != "exact":
-        SubElement(case, "system-out").text = found
+        SubElement(case, "system-out").text = cleaned(found)
 
 
 def control_case(suite: Element, control: Control) -> None:
@@ -77,7 +78,7 @@ def control_case(suite: Element, control: Control) -> None:
     case = SubElement(suite, "testcase", classname="control", name=control.name)
     if not control.passed:
         message = f"put in {control.expected}, found {control.identified}"
-        SubElement(case, "error", message=message)
+        SubElement(case, "error", message=cleaned(message))
 
 
 def count_cases(suite: Element) -> None:

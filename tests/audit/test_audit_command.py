@@ -7,6 +7,7 @@ import re
 import shlex
 import sys
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree
@@ -99,6 +100,20 @@ def test_text_fits_the_terminal_and_shows_the_evidence(width):
     assert "0.4800" not in text
     assert "not the success rate" in text
     assert "not installed: kornia" in text
+
+
+def test_what_a_library_wrote_to_a_terminal_does_not_break_the_xml():
+    said = "crashed: \x1b[31mno memory\x1b[0m\x00"
+    found = verdicts_junit(report(replace(VERDICT, verdict="not measured", reason=said)))
+    (skipped,) = ElementTree.fromstring(found).iter("skipped")
+    assert "no memory" in skipped.get("message")
+
+
+def test_a_probe_whose_package_is_gone_is_none(monkeypatch):
+    stale = EntryPoint("acme", "no_such_package_of_acme.probe", session.GROUP)
+    known, files_before = session.entry_points(group=session.GROUP), session.probe_files()
+    monkeypatch.setattr(session, "entry_points", lambda group: [stale, *known])
+    assert session.probe_files() == files_before
 
 
 def test_text_says_that_no_control_was_measured():
