@@ -5,7 +5,6 @@ for samples drawn anywhere would be wrong here.
 """
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from ransac_fix.audit.worker import native
@@ -48,8 +47,4 @@ def _entry_points(_: Any) -> list[EntryPoint | Unmeasured]:
     ]
 
 
-def _find() -> SimpleNamespace | None:
-    return SimpleNamespace(__version__=_LIBRARY.version()) if _LIBRARY.installed() else None
-
-
-PROBE = Probe("cgal", "CGAL", (), _entry_points, find=_find)
+PROBE = Probe("cgal", "CGAL", (), _entry_points, find=_LIBRARY.find)

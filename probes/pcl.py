@@ -1,7 +1,6 @@
 """PCL, its sample consensus templates and SACSegmentation, through a driver."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -90,8 +89,4 @@ def _entry_points(_: Any) -> list[EntryPoint | Unmeasured]:
     ]
 
 
-def _find() -> SimpleNamespace | None:
-    return SimpleNamespace(__version__=_LIBRARY.version()) if _LIBRARY.installed() else None
-
-
-PROBE = Probe("pcl", "pcl", (), _entry_points, find=_find)
+PROBE = Probe("pcl", "pcl", (), _entry_points, find=_LIBRARY.find)

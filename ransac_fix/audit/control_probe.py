@@ -20,6 +20,14 @@ from ransac_fix.reference.interface import Sampler
 from ransac_fix.reference.models import Affine, Homography, Line
 
 _MODELS: dict[str, Any] = {"line": Line, "affine": Affine, "homography": Homography}
+# Share of the samples that a sampler which is not uniform takes from the first half.
+_PREFERRED = 0.75
+# Pixels nearer than which points of a sample all but coincide; the planted ones are farther apart.
+_APART = 1.0
+# Trials of a run where thousands are needed.
+_BRIEF = 30
+# What ends runs of controls that take no number of trials.
+_OWN_LIMIT = 2000
 
 
 class _Filtered:
@@ -76,15 +84,6 @@ class _Preferring:
 
     def draw(self, rng: np.random.Generator) -> NDArray[np.intp]:
         return (self._first if rng.random() < _PREFERRED else self._sampler).draw(rng)
-
-
-_PREFERRED = 0.75
-# Trials of a run where thousands are needed.
-_BRIEF = 30
-# What ends runs of controls that take no number of trials.
-_OWN_LIMIT = 2000
-# Pixels; the planted points are farther apart.
-_APART = 1.0
 
 
 def entry_point(law: KnownLaw) -> EntryPoint:

@@ -185,27 +185,27 @@ def judge_extension(
         tuple(shown.values())[:_SHOWN],
         outcomes,
     )
+    verdict, reason = _judge(counts, evidence, sampler)
+    return verdict, reason, evidence
+
+
+def _judge(
+    counts: list[TrialCount], evidence: Extension, sampler: SamplerLaw
+) -> tuple[Judgement, str]:
+    """Judge the trials first, and where these are right the outcomes."""
     other = next((count for count in counts if not _follows(count, sampler)), None)
     if other is not None:
-        return (
-            "other rule",
-            (
-                f"draws {sampler.sample_size} measurements ({sampler.drawn}), for which"
-                f" {other.required} trials are not the number with {other.n_inliers} of"
-                f" {other.n_samples} in hand"
-            ),
-            evidence,
+        return "other rule", (
+            f"draws {sampler.sample_size} measurements ({sampler.drawn}), for which"
+            f" {other.required} trials are not the number with {other.n_inliers} of"
+            f" {other.n_samples} in hand"
         )
-    if kept < len(counts):
+    if evidence.kept < len(counts):
         wrong = evidence.counts[0]
-        return (
-            "other rule",
-            (
-                f"{len(counts) - kept} of {len(counts)} runs did not come to the exact number: with"
-                f" {wrong.n_inliers} of {wrong.n_samples} in hand and s={wrong.confidence:.4g} one"
-                f" ran {wrong.trials} trials where {wrong.required} are needed"
-            ),
-            evidence,
+        return "other rule", (
+            f"{len(counts) - evidence.kept} of {len(counts)} runs did not come to the exact number:"
+            f" with {wrong.n_inliers} of {wrong.n_samples} in hand and s={wrong.confidence:.4g} one"
+            f" ran {wrong.trials} trials where {wrong.required} are needed"
         )
     sums = f"draws what its rule leaves out: all of {len(counts)} runs came to the exact number"
     beyond = sum(
@@ -214,29 +214,24 @@ def judge_extension(
     )
     if beyond:
         sums += f" ({beyond} ran more than that at once)"
+    outcomes = evidence.outcomes
     if outcomes is None:
         apart = "its own number is too near the exact one for outcomes to tell them apart"
-        if counted:
-            return "exact", f"{sums}, by the library's own count; {apart}", evidence
-        return "not measured", f"{sums}, as far as its wrapper knows; {apart}", evidence
+        if evidence.counted:
+            return "exact", f"{sums}, by the library's own count; {apart}"
+        return "not measured", f"{sums}, as far as its wrapper knows; {apart}"
     if outcomes.log_ratio_alone > -_DECIDED:
-        return (
-            "not measured",
-            f"{sums}, but outcomes without these trials could not be told from the exact number's",
-            evidence,
+        return "not measured", (
+            f"{sums}, but outcomes without these trials could not be told from the exact number's"
         )
     if outcomes.log_ratio < -_DECIDED:
-        return (
-            "undersamples",
-            f"{sums} by its wrapper's count, but its outcomes are those of the own number",
-            evidence,
+        return "undersamples", (
+            f"{sums} by its wrapper's count, but its outcomes are those of the own number"
         )
     if outcomes.log_ratio <= _DECIDED:
-        return "not measured", f"{sums}, but its outcomes are undecided", evidence
-    return (
-        "exact",
-        f"{sums}, and its outcomes are not those of the own number (error {ERROR_RATE:g})",
-        evidence,
+        return "not measured", f"{sums}, but its outcomes are undecided"
+    return "exact", (
+        f"{sums}, and its outcomes are not those of the own number (error {ERROR_RATE:g})"
     )
 
 

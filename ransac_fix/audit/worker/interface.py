@@ -59,8 +59,10 @@ class Defaults:
     ----------
     confidence : float
         s; 1.0 where the library's default never stops early on its own account.
-    min_trials, max_trials : int or None
-        The floor and the cap on the number of trials; None where there is none.
+    min_trials : int
+        The floor on the number of trials.
+    max_trials : int or None
+        The cap on it; None where there is none.
     multiplier : float
         Factor on the number of trials the rule asks for.
     max_trials_name : str
@@ -96,7 +98,8 @@ class EntryPoint:
     seeded : bool
         ``seed`` changes the random stream; otherwise only the order of the measurements does.
     repeatable : bool
-        Whether the same arguments give the same outcome. Otherwise the trials must be counted.
+        Whether the same arguments give the same outcome. Otherwise the trials must be counted, or
+        only what many runs return shows the rule.
     typical_trials : int
         How many trials a measured run should take: lower for slow libraries.
     fewest_samples : int

@@ -20,6 +20,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,6 +112,10 @@ class Library:
     def installed(self) -> bool:
         """Whether the library is there to compile against. Takes no process and no import."""
         return self.header.find() is not None
+
+    def find(self) -> SimpleNamespace | None:
+        """Return what stands for the library as a `Probe` wants it, or None if not installed."""
+        return SimpleNamespace(__version__=self.version()) if self.installed() else None
 
     def version(self) -> str:
         """Return the release compiled against: the package's, or what the headers say."""

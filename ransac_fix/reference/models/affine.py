@@ -61,6 +61,8 @@ class Affine:
         ndarray of shape (2, 3) or None
             None if the points of the first image are collinear or fewer than three.
         """
+        if len(data) < self.sample_size:
+            return None
         centre, scale = centre_and_scale(data[:, :2])
         rows = np.column_stack(((data[:, :2] - centre) / scale, np.ones(len(data))))
         solution, _, rank, _ = np.linalg.lstsq(rows, data[:, 2:], rcond=1e-9)
