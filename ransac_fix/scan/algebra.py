@@ -374,16 +374,18 @@ def _raised(
 ) -> Iterator[list[Power]]:
     value = number(exponent)
     match plain(exponent):
-        case Op(op="neg", args=(positive,)) if value is None:
+        case Op(op="neg", args=(positive,)):
             # (n / i)**-k is (i / n)**k
             yield from _raised(whole, _reciprocal(base), positive, sign, power, depth)
             return
+    # Of 1 / (n / i)**k what is raised is i / n.
+    raised = base if power.exponent * sign > 0 else _reciprocal(base)
     if value is not None:
         inner = replace(
             power,
             exponent=power.exponent * sign * value,
             written=exponent,
-            raised=base,
+            raised=raised,
             whole=whole,
         )
     elif power.symbol is None:
@@ -392,7 +394,7 @@ def _raised(
             exponent=power.exponent * sign,
             symbol=exponent,
             written=exponent,
-            raised=base,
+            raised=raised,
             whole=whole,
         )
     else:

@@ -14,7 +14,7 @@ from itertools import islice
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Edit, Fix
-from ransac_fix.scan.form import Expr, Fn, Name, Num, Op, Over, Span
+from ransac_fix.scan.form import Choice, Expr, Fn, Name, Num, Op, Over, Span
 from ransac_fix.scan.origins import origin
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.recogniser import probability_of
@@ -43,6 +43,8 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
     probability = site.probability
     alone = probability.constant == 1.0 and not probability.other_factors
     target = algebra.plain(site.assumed) if alone else probability.power
+    if isinstance(target, Choice):
+        target = probability.power  # and not what it is chosen from, a guard
     if target is None or target.span is None:
         return "the power is not written in one place"
     size = read.roles.get("sample_size")

@@ -121,6 +121,36 @@ def _update(p, ep, model_points):  # of ransac
 def trials(n_good, count, k, s):
     return _update(s, (count - n_good) / count, k)
 """,
+    "one over a power of the inverse": """
+import math
+
+def trials(n_inliers, n_samples, k, s):  # of ransac
+    return math.log(1 - s) / math.log(1 - 1 / (n_samples / n_inliers)**k)
+""",
+    "a negative power of the inverse": """
+import math
+
+def trials(n_inliers, n_samples, k, s):  # of ransac
+    return math.log(1 - s) / math.log(1 - (n_samples / n_inliers)**(-k))
+""",
+    "a dictionary": """
+import math
+
+def trials(n_inliers, n_samples, k, s):  # of ransac
+    state = {"w": n_inliers / n_samples, "miss": 1 - s}
+    state["good"] = state["w"] ** k
+    return math.log(state["miss"]) / math.log(1 - state["good"])
+""",
+    "guards that choose": """
+import math
+
+def trials(n_inliers, n_samples, k, s):  # of ransac
+    good = (n_inliers / n_samples) ** k
+    good = good if good > 0 else 1e-300
+    if good == 1:
+        return 0.0
+    return math.log(1 - s) / math.log1p(-good)
+""",
     "nested": """
 import math
 
