@@ -1,7 +1,7 @@
 """The notebook front end: the code cells of an .ipynb file as one Python module.
 
-Cells are read in their order. Magics are set aside; a cell in another language (``%%bash``) and a
-cell that cannot be read are left out, the latter with an error of its own.
+Cells are read in their order. Magics are set aside; a cell in another language (``%%bash``) and
+lines that cannot be read are left out, the latter with an error for their cell.
 """
 
 import json
@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 from ransac_fix.scan import python
 from ransac_fix.scan.findings import Edit, Location
-from ransac_fix.scan.repair import repair
+from ransac_fix.scan.repair import repair, salvage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 _OTHER_LANGUAGE = re.compile(
-    r"^\s*%%(?:bash|sh|script|html|javascript|js|latex|markdown|svg|perl|ruby|cython|R|writefile"
-    r"|sql|bigquery|cpp|cu|file)\b"
+    r"^\s*%%(?:bash|sh|script|html|javascript|js|latex|markdown|svg|perl|ruby|cython|R|sql|bigquery"
+    r"|cpp|cu|(?:write)?file\b(?!.*\.py\s*$))\b",
+    re.MULTILINE,
 )
 
 
@@ -47,7 +48,7 @@ class Notebook:
     lines : tuple of CellLine
         For each line of ``source``, its cell, its line in the cell and its line in the file.
     unread : tuple of (int, str)
-        Cells left out because they could not be read: their number and why.
+        Cells that could not be read, or not all of them: their number and why.
     text : str
         The JSON text itself.
     cells : mapping of int to CodeCell
@@ -88,7 +89,7 @@ class CodeCell:
     listed : bool
         Whether they are a list.
     moved : bool
-        Whether it was repaired in a way that moves columns.
+        Whether it was repaired in a way that moves columns, or read without some lines.
     """
 
     pieces: tuple[tuple[str, int], ...]
@@ -173,10 +174,11 @@ def read_notebook(text: str) -> Notebook:
         if not code.strip() or _OTHER_LANGUAGE.match(code):
             continue
         readable, why = _readable(code)
-        if readable is None:
+        if why:
             unread.append((number, why))
+        if readable is None:
             continue
-        moved = any(
+        moved = bool(why) or any(
             new != old and new.expandtabs() == old.expandtabs()
             for new, old in zip(
                 python.split_lines(readable), python.split_lines(code), strict=False
@@ -198,11 +200,14 @@ def _code_cell(pieces: object, *, moved: bool) -> CodeCell:
 
 
 def _readable(code: str) -> tuple[str | None, str]:
+    """Give the text of a cell that can be read, and why not all of it can."""
     try:
         python.parse(code)
     except SyntaxError as error:
         repaired = repair(code)
-        return repaired, f"line {error.lineno}: {error.msg}"
+        if repaired is not None:
+            return repaired, ""
+        return salvage(code), f"line {error.lineno}: {error.msg}"
     except (ValueError, RecursionError) as error:
         return None, str(error)
     return code, ""

@@ -2,7 +2,7 @@
 
 Only what keeps every other token on its line and column is changed (but for tabs mixed with
 spaces, which move columns), so that places found in the repaired text are places of the original.
-What cannot be repaired stays as it is.
+What cannot be repaired stays as it is, or is left out and the rest read without it.
 """
 
 import ast
@@ -26,7 +26,9 @@ _RAISE = re.compile(r"^(\s*)raise(\s+[\w.]+\s*,.*)$")
 _NUMBER = re.compile(r"\b(\d+|0[xX][0-9a-fA-F]+)[lL]\b")
 _OCTAL = re.compile(r"(?<![\w.])0([0-7]+)(?![\w.])")
 _UNICODE_RAW = re.compile(r"\b[uU][rR](?=['\"])")
+_NO_BLOCK = re.compile(r"expected an indented block after .* on line (\d+)")
 _ATTEMPTS = 30
+_MOST_PARSED = 4_000_000  # characters, in all attempts
 
 
 def repair(source: str) -> str | None:
@@ -60,15 +62,66 @@ def repair(source: str) -> str | None:
     return None
 
 
+def salvage(source: str) -> str | None:
+    """Leave out the lines of a module that cannot be read, where they are few.
+
+    Parameters
+    ----------
+    source : str
+        Text that ``repair`` cannot mend.
+
+    Returns
+    -------
+    str or None
+        Text with the same lines that does parse, or None.
+    """
+    lines = _expanded([_python2(_magic(line)) for line in split_lines(source)])
+    for _ in range(min(2 * _ATTEMPTS, _MOST_PARSED // (len(source) + 1))):
+        error = _error(lines)
+        if error is None:
+            return "\n".join(lines)
+        message, number = error
+        block = _NO_BLOCK.search(message)
+        number = int(block[1]) if block else number
+        if not 0 < number <= len(lines):
+            return None
+        line = lines[number - 1]
+        if "indent" in message and not block:
+            lines[number - 1] = _lead_above(lines, number - 1) + line.strip()
+        else:
+            lines[number - 1] = _left_out(line, header=not block)
+    return None
+
+
+def _lead_above(lines: list[str], index: int) -> str:
+    above = next((line for line in reversed(lines[:index]) if line.strip()), "")
+    return above[: len(above) - len(above.lstrip())]
+
+
+def _left_out(line: str, *, header: bool) -> str:
+    """Put something in place of a line that leaves what is below it where it belongs."""
+    changed = _odd(line)
+    text = line.strip()
+    if changed != line or text in ("pass", "if 1:"):
+        return changed if changed != line else ""
+    lead = line[: len(line) - len(line.lstrip())]
+    return f"{lead}if 1:" if header and text.endswith(":") else f"{lead}pass"
+
+
 def _error_line(lines: list[str]) -> int | None:
+    error = _error(lines)
+    return None if error is None else error[1]
+
+
+def _error(lines: list[str]) -> tuple[str, int] | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             ast.parse("\n".join(lines))
     except SyntaxError as error:
-        return error.lineno or 0
+        return error.msg, error.lineno or 0
     except (ValueError, RecursionError, MemoryError):
-        return 0
+        return "", 0
     return None
 
 

@@ -22,7 +22,7 @@ from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.prose import Prose, blocks, may_state_a_rule, python_prose
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
 from ransac_fix.scan.recogniser import recognise
-from ransac_fix.scan.repair import repair
+from ransac_fix.scan.repair import repair, salvage
 from ransac_fix.scan.rules import (
     DEFAULTS,
     Rule,
@@ -215,13 +215,19 @@ def _scan_python(
     if not (could or wanted or file.named):
         return (), ()
     repaired = False
+    errors: tuple[ScanError, ...] = ()
     try:
         tree = python.tree(source)
     except SyntaxError as error:
         text = repair(source)
         if text is None:
             message = f"not Python that can be read: {error.msg}"
-            return (), (_error(file, message, error.lineno),)
+            text = salvage(source) if could else None
+            if text is not None:
+                message += "; the lines around it were scanned"
+            errors = (_error(file, message, error.lineno),)
+        if text is None:
+            return (), errors
         source, repaired = text, True
         tree = python.tree(source)
     except ValueError as error:
@@ -229,7 +235,7 @@ def _scan_python(
     if gate and (could or repaired):
         could = may_hold_a_rule(tree)
     if not (could or wanted):
-        return (), ()
+        return (), errors
 
     @cache
     def whole() -> Module:
@@ -253,7 +259,10 @@ def _scan_python(
     if findings and not repaired:
         of_code = {one.code for one in rules if one.about_code}
         return _confirmed(source, tree, file, findings, of_code)
-    return tuple(findings), ()
+    if errors:
+        why = "the file cannot be read whole"
+        findings = [replace(one, fix=None, no_fix=why) for one in findings]
+    return tuple(findings), errors
 
 
 def _may_be_stated(source: str, written: str, rules: Sequence[Rule]) -> bool:
@@ -457,7 +466,7 @@ def _in_notebook(finding: Finding, notebook: Notebook) -> Finding:
         if len(known) == len(edits):
             fix = replace(fix, edits=known)
         else:
-            fix, no_fix = None, "its cell is not indented as Python 3 has it"
+            fix, no_fix = None, "its cell is not Python 3 as it stands"
     return replace(
         finding, location=place(finding.location), related=related, fix=fix, no_fix=no_fix
     )

@@ -137,6 +137,29 @@ def test_what_is_repaired_keeps_its_lines():
     assert repair("def f(:\n    pass\n") is None
 
 
+RULE = "N = log(1 - s) / log(1 - w**k)"
+START = "from math import log\ndef ransac(w, k, s):\n"
+BROKEN = {
+    "a statement": f"here be dragons\n{START}    {RULE}\n",
+    "a call left open": f"print('a'\n{START}    {RULE}\n",
+    "a header": f"{START.replace(')', '')}    {RULE}\n    return N\n",
+    "an empty block": f"{START}    if w:\n    {RULE}\n    return N\n",
+    "a block too deep": f"{START}    v = 1\n        {RULE}\n        v = 2\n",
+    "a block not deep enough": f"{START}    v = 1\n  {RULE}\n",
+    "a conflict": f"{START}<<<<<<< HEAD\n    {RULE}\n=======\n>>>>>>> b\n",
+}
+
+
+@pytest.mark.parametrize("source", BROKEN.values(), ids=BROKEN.keys())
+def test_what_cannot_be_read_costs_a_few_lines(source):
+    (finding,), (error,) = scan_source(source, PYTHON)
+    assert finding.code in ("RFX001", "RFX002")
+    assert RULE in source.splitlines()[finding.location.start_line - 1]
+    assert finding.fix is None
+    assert finding.no_fix == "the file cannot be read whole"
+    assert error.code == "RFX900"
+
+
 NOTEBOOK = """{
  "cells": [
   {"cell_type": "markdown", "source": ["# ransac: log(1-s)/log(1-w**k)\\n"]},
@@ -172,6 +195,27 @@ def test_notebooks_are_read_cell_by_cell(tmp_path):
     assert (place.cell.index, place.cell.line) == (4, 4)
     (error,) = result.errors
     assert error.message.startswith("code cell 3 cannot be read: line 1")
+
+
+def test_a_module_written_by_a_cell_is_read(tmp_path):
+    path = tmp_path / "a.ipynb"
+    path.write_text(NOTEBOOK.replace("%%time", "%%writefile trials.py"))
+    assert [one.code for one in scan_paths([path]).findings] == ["RFX001"]
+    path.write_text(NOTEBOOK.replace("%%time", "%%writefile trials.txt"))
+    assert not scan_paths([path]).findings
+
+
+def test_a_cell_that_is_no_python_costs_a_few_lines(tmp_path):
+    path = tmp_path / "a.ipynb"
+    path.write_text(NOTEBOOK.replace("files = !ls", "files are many"))
+    result = scan_paths([path])
+    (finding,) = result.findings
+    assert finding.location.cell.index == 4
+    assert finding.fix is None
+    assert [one.message[:26] for one in result.errors] == [
+        "code cell 3 cannot be read",
+        "code cell 4 cannot be read",
+    ]
 
 
 def test_a_notebook_in_another_language_is_not_read():
