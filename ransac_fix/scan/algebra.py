@@ -342,6 +342,12 @@ def _factorings(expr: Expr, power: Power, depth: int) -> Iterator[list[Power]]:
                 yield from _pairs(left, power, right, power, depth)
             case Op(op="div" | "floordiv", args=(left, right)):
                 yield from _pairs(left, power, right, power.to(right, -1.0), depth)
+            case Op(op="sub", args=(left, right)) if (
+                fraction := _without_factor(right, left)
+            ) is not None:
+                # x - x*q is x * (1 - q)
+                other = Op("sub", (Num(1.0), fraction))
+                yield from _pairs(left, power, other, power, depth)
             case Op(op="neg", args=(inner,)):
                 for rest in _factorings(inner, power, depth + 1):
                     yield [Power(Num(-1.0)), *rest]
@@ -358,6 +364,17 @@ def _factorings(expr: Expr, power: Power, depth: int) -> Iterator[list[Power]]:
             case _:
                 # As it was written: its name is what a report shows.
                 yield [power.to(expr)]
+
+
+def _without_factor(expr: Expr, factor: Expr) -> Expr | None:
+    """Give y for x*y."""
+    match plain(expr):
+        case Op(op="mul", args=(one, other)):
+            name = key(factor)
+            if key(one) == name:
+                return other
+            return one if key(other) == name else None
+    return None
 
 
 def _raises_logarithms(base: Expr, exponent: Expr) -> bool:

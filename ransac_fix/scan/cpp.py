@@ -599,7 +599,11 @@ class _Reader:
         span = self.span(node)
         match node.type:
             case "number_literal":
-                return form.Num(_number(self.text(node)), span)
+                text = self.text(node)
+                if text.startswith("-"):  # in a subscript the sign is part of the literal
+                    inner = span._replace(column=span.column + 1)
+                    return form.Op("neg", (form.Num(_number(text[1:]), inner),), span)
+                return form.Num(_number(text), span)
             case "parenthesized_expression":
                 inner = [one for one in node.named_children if one.type != "comment"]
                 return self.expr(inner[0]) if inner else form.Unknown((), span)

@@ -201,10 +201,7 @@ class _Evaluator:
                     self._bind(stmt.target, value, env)
                 self._target = None
             case Evaluate():
-                value = self._expr(stmt.value, env)
-                match stmt.value:
-                    case Call(base=Name(name=target), name=name) if name.endswith("_"):
-                        self._bind(target, value, env)  # changed in place
+                self._changed_by_call(stmt.value, self._expr(stmt.value, env), env)
             case If():
                 return self._if(stmt, env)
             case Loop():
@@ -229,6 +226,21 @@ class _Evaluator:
                     if env.get(name) is not value and isinstance(value, Ref):
                         self._attribute(stmt.name, name, value)
         return True
+
+    def _changed_by_call(self, call: Expr, value: Expr, env: Env) -> None:
+        """Follow what a call changes: ``x.log_()``, ``np.log(x, out=y)``, ``x.append(y)``."""
+        if not isinstance(call, Call):
+            return
+        for word, target in call.keywords:
+            if word == "out" and isinstance(target, Name):
+                self._bind(target.name, value, env)
+        if isinstance(call.base, Name) and call.name.endswith("_"):
+            self._bind(call.base.name, value, env)
+        elif isinstance(call.base, Name) and call.name == "append" and len(call.args) == 1:
+            before = _unwrap(env.get(call.base.name, Unknown()))
+            if isinstance(before, Seq) and not before.names and not self._loops:
+                items = (*before.items, self._quiet(call.args[0], env))
+                self._bind(call.base.name, self._new(Seq(items, before.span), items), env)
 
     def _bind(self, target: str, value: Expr, env: Env) -> None:
         env[target] = value
@@ -322,8 +334,11 @@ class _Evaluator:
                 continue
             total = self._accumulated(before, symbol, value, loop, count)
             both = self._choice([one for one in (before, value) if one is not None])
-            steady[name] = both if total is None else total
             after[name] = both if total is None else total
+            if total is not None and count is not None:
+                # In the loop there have not been all runs yet, and a break may end them.
+                total = self._accumulated(before, symbol, value, loop, None)
+            steady[name] = both if total is None else total
         if recording or stmt.test is not None:
             if stmt.test is not None:
                 self._loops += 1
@@ -367,6 +382,8 @@ class _Evaluator:
         term: Expr
         if kind == "prod":
             term = body[0][1] if len(body) == 1 and body[0][0] == "mul" else Num(1.0)
+            if id(term) not in self._facts:  # as _peel writes it
+                self._new(term, (), self._facts.get(id(value), (0, 0))[0] & (POW | LOG))
             if len(body) != 1 or body[0][0] != "mul":
                 for operator, factor in body:
                     term = self._new(Op(operator, (term, factor)), (term, factor), POW)
@@ -639,7 +656,7 @@ class _Evaluator:
         if isinstance(value, Name) and id(value) in self._imported:
             return self._module_named(f"{value.name}.{tail}")
         known = self._attributes.get((head, tail))  # Class.constant
-        return self._choice(known) if known else None
+        return self._choice(known) if known else self._property(tail)
 
     def _entry_named(self, path: str, env: Env) -> Expr | None:
         """Give what ``a.b`` is, where ``a`` is a record."""
@@ -652,9 +669,10 @@ class _Evaluator:
 
     def _property(self, name: str) -> Expr | None:
         """Give what a method without parameters returns, read like an attribute."""
-        for function in self._functions.get(name, ()):
+        named = self._functions.get(name, ())
+        for function in named:
             alone = [one.name for one in function.parameters] in (["self"], ["cls"])
-            if alone and function.owner == self._scope.owner:
+            if alone and (function.owner == self._scope.owner or len(named) == 1):
                 summary = self._summary(function)
                 return None if summary is None else summary.value
         return None
@@ -699,7 +717,7 @@ class _Evaluator:
         inner = base
         while isinstance(inner, Ref):
             inner = inner.value
-        if isinstance(index, Num):
+        if isinstance(index, Num) and float(index.value).is_integer():
             entry = self._entry(base, int(index.value))
             if entry is not None:
                 return entry
@@ -757,7 +775,8 @@ class _Evaluator:
             if self._has(args[1], LOG) and (self._has(args[0], LOG) or self._has(args[1], POW)):
                 self._candidate("quotient", expr)
         elif operator in COMPARISONS:
-            if self._has(expr, NESTED) or all(self._has(arg, LOG) for arg in args):
+            logs = [self._has(arg, LOG) or _is_zero(arg) for arg in args]
+            if self._has(expr, NESTED) or (all(logs) and self._has(expr, LOG)):
                 self._candidate("test", expr)
         elif operator == "mul":
             if self._has(args[0], LOG) and self._has(args[1], LOG):
@@ -884,10 +903,13 @@ class _Evaluator:
             return self._reduced(operands, span)
         if name == "reduce" and base is not None and _multiplies(base):
             return self._product(args[0], span) if args else Unknown((), span)
-        if name in functions.SUMS and operands and isinstance(_unwrap(operands[0]), Over):
+        if name in functions.SUMS and operands:
             over = _unwrap(operands[0])
-            assert isinstance(over, Over)
-            return self._new(Over("sum", over.body, over.loop, over.count, span), (over.body,))
+            if isinstance(over, Over):
+                return self._new(Over("sum", over.body, over.loop, over.count, span), (over.body,))
+            if self._has(operands[0], LOG):
+                loop, count = _runs_of(operands[0])
+                return self._new(Over("sum", operands[0], loop, count, span), operands[:1])
         if name == "full" and len(operands) >= 2:
             return operands[1]
         # numpy's logarithm of x to the base n, and Unreal's
@@ -1045,10 +1067,10 @@ class _Evaluator:
         elif isinstance(inner, Over):
             body, loop, count = inner.body, inner.loop, inner.count
         else:
-            body, loop, count = operand, "", None
-            for index in _indices(operand):
-                loop, count = index.loop, index.count
-        return self._new(Over("prod", body, loop, count, span), (body,), POW)
+            body = operand
+            loop, count = _runs_of(operand)
+        facts = POW | NESTED if self._has(body, POW) else POW
+        return self._new(Over("prod", body, loop, count, span), (body,), facts)
 
 
 Arguments = tuple[tuple[Expr, ...], tuple[tuple[str, Expr], ...]]
@@ -1155,6 +1177,20 @@ def _peel(value: Expr, symbol: Expr) -> tuple[str, list[tuple[str, Expr]]] | Non
                 kinds.add("prod")
                 applied.append(("div", right))
                 current = left
+            case Op(op="sub", args=(left, right)) if _unwrap(left) is symbol and _reaches(
+                right, symbol
+            ):
+                part = _peel(right, symbol)  # s - s * x is s * (1 - x)
+                if part is None or part[0] != "prod":
+                    return None
+                kinds.add("prod")
+                factor: Expr | None = None
+                for operator, one in part[1]:
+                    alone = factor is None and operator == "mul"
+                    factor = one if alone else Op(operator, (factor or Num(1.0), one))
+                assert factor is not None
+                applied.append(("mul", Op("sub", (Num(1.0), factor))))
+                current = left
             case Op(op="add" | "sub" as operator, args=(left, right)):
                 kinds.add("sum")
                 if operator == "add" and not _reaches(left, symbol):
@@ -1209,6 +1245,14 @@ def _repeated(expr: Expr) -> tuple[Expr, Expr] | None:
     return None
 
 
+def _runs_of(expr: Expr) -> tuple[str, Expr | None]:
+    """Say over which loop the entries of an array run, and how many there are."""
+    loop, count = "", None
+    for index in _indices(expr):
+        loop, count = index.loop, index.count
+    return loop, count
+
+
 def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
     if depth > 12:
         return
@@ -1224,6 +1268,10 @@ def _indices(expr: Expr, depth: int = 0) -> Iterator[Index]:
             yield from _indices(base, depth + 1)
         case _:
             pass
+
+
+def _is_zero(expr: Expr) -> bool:
+    return isinstance(expr, Num) and expr.value == 0.0
 
 
 def _call_within(expr: Expr, name: str) -> Fn | None:

@@ -275,6 +275,9 @@ class _File:
 
     def _growth(self, targets: Iterable[ast.expr], value: ast.expr) -> None:
         """Take what is made of itself in a loop for a product: p = p * q, or q = p * r; p = q."""
+        match value:
+            case ast.BinOp(op=ast.Sub(), left=left, right=right):
+                self._shrinks(targets, left, right)
         factors = _factors(value)
         multiplied = _multiplies(value)
         before = self._scope.factors
@@ -288,6 +291,12 @@ class _File:
                 self._bind(target, None, _POWER)
             if multiplied:
                 before[name] = factors
+
+    def _shrinks(self, targets: Iterable[ast.expr], left: ast.expr, right: ast.expr) -> None:
+        """Look for p = p - p * q, one factor 1 - q more in each run."""
+        names = {_last_name(target) for target in targets} & _names_in(left) & _names_in(right)
+        if names and self._expr(right) & _POWER:
+            raise _Found
 
     def _bind(self, target: ast.expr, value: ast.expr | None, facts: int = 0) -> None:
         """Give a target what it is assigned: an expression, or facts where these are known."""
@@ -327,6 +336,8 @@ class _File:
             if right & _COMPLEMENT:
                 raise _Found  # one factor more in each run
             left |= _POWER
+        if isinstance(node.op, ast.Sub) and self._loops:
+            self._shrinks((node.target,), node.target, node.value)
         facts = self._operation(type(node.op), left, right, node.target, node.value)
         self._bind(node.target, None, facts)
 
@@ -337,6 +348,12 @@ class _File:
         match node.value:
             case ast.Call(func=ast.Attribute(value=target, attr=name)) if name.endswith("_"):
                 self._bind(target, None, facts)  # changed in place
+            case ast.Call(func=ast.Attribute(value=target, attr="append"), args=[one]):
+                self._bind(target, one)
+        if isinstance(node.value, ast.Call):
+            for word in node.value.keywords:
+                if word.arg == "out":
+                    self._bind(word.value, None, facts)
 
     def _return(self, node: ast.Return) -> None:
         if node.value is not None:
@@ -522,7 +539,10 @@ class _File:
         facts = both & ~_ONE | (left & right & _ONE)
         if both & _MINUS and both & _LESS_ONE:
             facts |= _COMPLEMENT
-        names, others = _names_in(one), _names_in(other)
+        names, others = (
+            {name for named in _names_in(side) for name in self._names_of(named)}
+            for side in (one, other)
+        )
         if facts & _POWER or not names.isdisjoint(others) or not (names or others):
             facts |= _POWER  # w * w and 0.7 * 0.7
         return facts

@@ -191,15 +191,16 @@ class _Reader:
     def _assign(self, target: ast.expr, value: ast.expr, out: list[Stmt]) -> None:
         match target:
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
-                plain = not any(isinstance(item, ast.Starred) for item in targets)
-                if (
-                    plain
-                    and isinstance(value, ast.Tuple | ast.List)
-                    and len(value.elts) == len(targets)
+                starred = [isinstance(item, ast.Starred) for item in targets]
+                plain = not any(starred)
+                if isinstance(value, ast.Tuple | ast.List) and (
+                    not plain or len(value.elts) == len(targets)
                 ):
                     # `a, b = b, a` reads both before it writes either; a swap of names is of no
                     # use to the recogniser, so the simpler order is kept.
-                    for one, part in zip(targets, value.elts, strict=True):
+                    for one, part, star in zip(targets, value.elts, starred, strict=False):
+                        if star:
+                            break  # what is after it, few ever ask for
                         self._assign(one, part, out)
                     return
                 whole = self.expr(value)

@@ -150,9 +150,16 @@ def _sides(left: Expr, right: Expr) -> Iterator[tuple[Expr, Expr, bool]]:
     yield left, right, True
     yield right, left, True
     for side, other in ((left, right), (right, left)):
-        terms = list(islice(algebra.terms(side), _WAYS))
-        for _, term in terms if len(terms) > 1 else ():
-            yield term, other, False
+        terms = [term for _, term in islice(algebra.terms(side), _WAYS)]
+        for term in terms if len(terms) > 1 else ():
+            rest = [one for one in terms if one is not term]
+            # x - y < 0 compares x with y.
+            yield term, rest[0] if algebra.number(other) == 0.0 and rest else other, False
+        match algebra.plain(side):
+            case Op(op="mul", args=(one, two)):
+                for factor, scaled in ((one, two), (two, one)):
+                    if algebra.number(factor) is not None:
+                        yield scaled, other, False
 
 
 def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]]:

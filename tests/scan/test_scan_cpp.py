@@ -601,3 +601,8 @@ int ransac(int n, int k, double s) {{
     assert finding.code == code
     # Distinct samples have no form of their own here, and the power alone is not replaced.
     assert (finding.fix is None) == (code == "RFX003")
+
+
+def test_a_negative_index_is_no_entry_and_no_crash():
+    source = "double ransac(double* a) { return log(a[-1]) / log(1 - pow(a[-2], 3)); }"
+    assert kinds(source) == ["approximate"]

@@ -83,6 +83,7 @@ EXACT = {
     "lgamma": "exp(lgamma(I+1) - lgamma(I-k+1) - lgamma(n+1) + lgamma(n-k+1))",
     "hypergeom": "scipy.stats.hypergeom.pmf(k, n, I, k)",
     "perm": "perm(I, k) / perm(n, k)",
+    "sum of an array": "exp(np.sum(np.log(I - np.arange(k)) - np.log(n - np.arange(k))))",
     "two arrays": "np.prod(np.arange(I - k + 1, I + 1) / np.arange(n - k + 1, n + 1))",
     "comprehension": "prod((I - i) / (n - i) for i in range(k))",
     "two ranges": "prod(a / b for a, b in zip(range(I, I - k, -1), range(n, n - k, -1)))",
@@ -378,6 +379,48 @@ WHOLE = {
         "def p(w, k): return 1 if k == 0 else w * p(w, k - 1)\n"
         "def f(w, k, s): return log(1 - s) / log(1 - p(w, k))"
     ),
+    "a product of failures": "def f(w, k, s): return np.prod(1 - w**k) < 1 - s",
+    "a product of failures, one for each": (
+        "def f(ratios, k, s): return 1 - prod(1 - w**k for w in ratios) > s"
+    ),
+    "a sum of logarithms": "def f(w, k, s): return np.sum(np.log(1 - w**k)) < log(1 - s)",
+    "the failures of a loop that ends itself": (
+        "def f(fit, k, s):\n    miss = 1.0\n    for _ in range(1000):\n        miss *= 1 - fit() ** k\n"
+        "        if miss < 1 - s:\n            break"
+    ),
+    "a failure made smaller by a share of it": (
+        "def f(fit, k, s):\n    miss = 1.0\n    for _ in range(1000):\n        miss -= miss * fit() ** k\n"
+        "        if miss < 1 - s:\n            break"
+    ),
+    "a logarithm counted down": (
+        "def f(fit, k, s):\n    left = log(1 - s)\n    while left < 0:\n        left -= log(1 - fit() ** k)"
+    ),
+    "percent": (
+        "def f(w, k):\n    N = 0\n    while 100 * (1 - (1 - w**k) ** N) < 99:\n        N += 1"
+    ),
+    "an equation to be solved": (
+        "import sympy\ndef f(w, k, s, N): return sympy.solve(sympy.Eq(1 - (1 - w**k) ** N, s), N)"
+    ),
+    "the place in a table": (
+        "def f(w, k, s):\n    return np.searchsorted(1 - (1 - w**k) ** np.arange(1000), s)"
+    ),
+    "a list that is filled": (
+        "def f(w, k, s):\n    logs = []\n    logs.append(log(1 - s))\n    logs.append(log(1 - w**k))\n"
+        "    return logs[0] / logs[1]"
+    ),
+    "an output argument": (
+        "def f(w, k, s):\n    p = np.empty(1)\n    np.power(w, k, out=p)\n    return log(1 - s) / log(1 - p)"
+    ),
+    "a property of another object": (
+        "class A:\n    @property\n    def good(self): return self.w**self.k\n"
+        "def f(a, s): return log(1 - s) / log(1 - a.good)"
+    ),
+    "the first of several": (
+        "def f(w, k, s):\n    p, *_ = w**k, 1, 2\n    return log(1 - s) / log(1 - p)"
+    ),
+    "multiplied by itself without a loop": (
+        "def f(w, s):\n    p = w\n    p *= w\n    p *= w\n    return log(1 - s) / log(1 - p)"
+    ),
     "a power of ten": ("def f(w, k, s, N): return 1 - 10 ** (N * log10(1 - w**k)) > s"),
     "entry of an array": (
         "def f(w, k, s):\n    d = np.zeros(3)\n    d[0] = 1 - w**k\n    return log(1 - s) / log(d[0])"
@@ -406,6 +449,7 @@ SILENT = {
         "def f(n, N, m, T):\n    t = T\n    for i in range(m):\n        t *= (n - i) / (N - i)\n    return t"
     ),
     "change of base": "def f(x, b): return log(x**2) / log(b)",
+    "biweight": "def f(r, c, t): return np.sum((1 - (r / c) ** 2) ** 2) < t",
     "difference of squares": "def f(a, b, c): return log(c) / log(a**2 - b**2)",
     "power of two": "def f(n, k): return log(n) / log(1 - 2**k)",
     "docstring": 'def f():\n    """N = log(1 - s) / log(1 - w**k)"""',
