@@ -601,8 +601,8 @@ class _Reader:
             case "number_literal":
                 text = self.text(node)
                 if text.startswith("-"):  # in a subscript the sign is part of the literal
-                    inner = span._replace(column=span.column + 1)
-                    return form.Op("neg", (form.Num(_number(text[1:]), inner),), span)
+                    unsigned = span._replace(column=span.column + 1)
+                    return form.Op("neg", (form.Num(_number(text[1:]), unsigned),), span)
                 return form.Num(_number(text), span)
             case "parenthesized_expression":
                 inner = [one for one in node.named_children if one.type != "comment"]
