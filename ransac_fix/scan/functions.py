@@ -7,20 +7,23 @@ name is followed instead, if its body can be.
 
 import re
 
+
+def _of_c(*names: str) -> tuple[str, ...]:
+    """Give functions of C's math.h with their kin for float and long double."""
+    return tuple(name + kin for name in names for kin in ("", "f", "l"))
+
+
 # Functions of one argument, written f(x) or x.f(). "same" leaves the value alone for the
 # recogniser's purposes: casts, rounding, containers, moves between devices.
 UNARY: dict[str, str] = {
-    **dict.fromkeys(
-        ("log", "ln", "logf", "logl", "Log", "LOG", "Loge", "LN", "qLn", "alog", "Log_e"), "log"
-    ),
-    **dict.fromkeys(("log10", "log10f", "Log10"), "log"),
-    **dict.fromkeys(("log2", "log2f"), "log"),
-    **dict.fromkeys(("log1p", "log1pf"), "log1p"),
+    **dict.fromkeys((*_of_c("log", "log10", "log2"), "Log", "Log10", "LOG", "Log_e"), "log"),
+    **dict.fromkeys(("ln", "LN", "Loge", "alog", "qLn"), "log"),
+    **dict.fromkeys(_of_c("log1p"), "log1p"),
     # With the bases of logarithms left out, exp2(k*log2(w)) is exp(k*log(w)).
-    **dict.fromkeys(("exp", "expf", "Exp", "exp2", "exp2f", "exp10", "exp10f"), "exp"),
-    "expm1": "expm1",
+    **dict.fromkeys((*_of_c("exp", "exp2", "exp10"), "Exp", "__expf", "__exp10f"), "exp"),
+    **dict.fromkeys(_of_c("expm1"), "expm1"),
     **dict.fromkeys(("square", "sqr"), "square"),
-    "sqrt": "sqrt",
+    **dict.fromkeys(_of_c("sqrt"), "sqrt"),
     "reciprocal": "reciprocal",
     **dict.fromkeys(("negative", "neg"), "neg"),
     **dict.fromkeys(("factorial", "fact"), "factorial"),
@@ -28,6 +31,8 @@ UNARY: dict[str, str] = {
     **dict.fromkeys(("lgamma", "gammaln", "loggamma"), "lgamma"),
     **dict.fromkeys(
         [
+            *_of_c("ceil", "fabs", "floor", "llrint", "llround", "lrint", "lround", "nearbyint"),
+            *_of_c("rint", "round", "trunc"),
             "Abs",
             "Decimal",
             "Fraction",
@@ -42,8 +47,6 @@ UNARY: dict[str, str] = {
             "astype",
             "atleast_1d",
             "bool",
-            "ceil",
-            "ceilf",
             "clone",
             "contiguous",
             "copy",
@@ -54,13 +57,11 @@ UNARY: dict[str, str] = {
             "cvRound",
             "detach",
             "double",
-            "fabs",
             "fix",
             "float",
             "float16",
             "float32",
             "float64",
-            "floor",
             "half",
             "int",
             "int16",
@@ -71,10 +72,7 @@ UNARY: dict[str, str] = {
             "item",
             "lfloor",
             "list",
-            "llround",
             "long",
-            "lrint",
-            "lround",
             "max",
             "min",
             "mean",
@@ -84,8 +82,6 @@ UNARY: dict[str, str] = {
             "numpy",
             "ravel",
             "real",
-            "rint",
-            "round",
             "round_",
             "saturate_cast",
             "size_t",
@@ -95,7 +91,6 @@ UNARY: dict[str, str] = {
             "tensor",
             "to",
             "tolist",
-            "trunc",
             "tuple",
             "type",
             "uint16",
@@ -211,10 +206,7 @@ CLAMPS = frozenset(
         "clamp_min",
         "clip",
         "clip_by_value",
-        "fmax",
-        "fmaxf",
-        "fmin",
-        "fminf",
+        *_of_c("fmax", "fmin"),
         "max",
         "maximum",
         "min",

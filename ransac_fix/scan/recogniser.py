@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ransac_fix.scan import algebra
-from ransac_fix.scan.algebra import Probability
+from ransac_fix.scan.algebra import Power, Probability
 from ransac_fix.scan.evaluate import Candidate
 from ransac_fix.scan.form import Expr, Fn, Function, Name, Num, Op, Over, Span
 
@@ -171,10 +171,9 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
     for formula in islice(algebra.readings(side), _WAYS):
         for reading in (formula, *islice(algebra.complement(formula), _WAYS)):
             for monomial in islice(algebra.monomials(reading), _WAYS):
-                bases = {algebra.key(power.base) for power in monomial.powers}
                 for power in monomial.powers:
                     # (1-P)**N, or (1-P) once more in each run of a loop
-                    if power.symbol is None or len(bases) != 1:
+                    if power.symbol is None or not _all_fail(monomial.powers, power):
                         continue
                     for assumed in islice(algebra.complement(power.base), _WAYS):
                         yield assumed, power.symbol, formula
@@ -182,6 +181,22 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
             for argument in islice(algebra.log_arguments(log), _WAYS):
                 for assumed in islice(algebra.complement(argument), _WAYS):
                     yield assumed, trials, formula
+
+
+def _all_fail(powers: Sequence[Power], power: Power) -> bool:
+    """Whether the others are the chance of one more sample with outliers, as this run has it."""
+    own = algebra.key(power.base)
+    return all(
+        algebra.key(other.base) == own
+        or (
+            other.symbol is None
+            and any(
+                algebra.classify(assumed) is not None
+                for assumed in islice(algebra.complement(other.base), _WAYS)
+            )
+        )
+        for other in powers
+    )
 
 
 def _is_logarithmic(expr: Expr) -> bool:

@@ -7,8 +7,15 @@ or lower how sure we are that it is one, and silence it where nothing speaks for
 
 import re
 
-_STRONG_WORDS = ("ransac", "inlier", "outlier", "consensus", "msac", "prosac")
-_WEAK_WORDS = ("homograph", "epipolar", "keypoint", "pointcloud", "point cloud", "point_cloud")
+_STRONG_WORDS = (
+    *("ransac", "inlier", "outlier", "consensus", "msac", "prosac"),
+    *("lmeds", "least median", "mlesac", "magsac", "napsac", "usac"),
+)
+_WEAK_WORDS = (
+    *("homograph", "epipol", "keypoint", "pointcloud", "point cloud", "point_cloud"),
+    *("fundamental mat", "essential mat", "fundamentalmat", "essentialmat"),
+    *("vanishing point", "vanishing_point", "vanishingpoint"),
+)
 
 
 def _spellings(words: tuple[str, ...]) -> tuple[str, ...]:

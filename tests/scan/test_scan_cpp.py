@@ -315,6 +315,14 @@ __device__ float ransac_trials(float w, float k, float s) {
   return __fdividef(__logf(1.f - s), __logf(1.f - __powf(w, k)));
 }
 """,
+    "the functions of long double": """
+int ransac_trials(long double w) {
+  return (int)ceill(logl(0.01L) / log1pl(-expl(4.0L * log10l(w))));
+}
+""",
+    "a logarithm worked out beforehand, with its sign": """
+int ransac_trials(double w) { return (int)std::ceil(-4.605 / std::log(1.0 - std::pow(w, 5))); }
+""",
     "functions under the prefix of a library": """
 double ransac_trials(double w, int k, double s) {
   return vcl_log(1 - s) / vcl_log(1 - vcl_pow(w, k));

@@ -285,6 +285,10 @@ WHOLE = {
     "test of logarithms": (
         "def f(w, k, s):\n    N = 0\n    while N * log(1 - w**k) > log(1 - s):\n        N += 1"
     ),
+    "test of logarithms, by the number of trials": (
+        "def f(w, k, s):\n    for N in range(1, 1000):\n"
+        "        if log(1 - s) / N > log(1 - w**k):\n            break"
+    ),
     "property": (
         "class A:\n    @property\n    def p(self): return self.w**self.k\n"
         "    def f(self, s): return log(1 - s) / log(1 - self.p)"
@@ -296,6 +300,11 @@ WHOLE = {
     ),
     "failure multiplied, tested by the loop": (
         "def f(w, k, s):\n    miss = 1.0\n    while miss > 1 - s:\n        miss = miss * (1 - w**k)"
+    ),
+    "failure multiplied by what the best model so far gives": (
+        "def f(data, k, s):\n    miss, best = 1.0, 0\n    while True:\n"
+        "        best = max(best, count(data))\n        miss *= 1 - (best / len(data))**k\n"
+        "        if miss < 1 - s:\n            break"
     ),
     "tensorflow": (
         "import tensorflow as tf\n"
