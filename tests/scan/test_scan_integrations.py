@@ -35,7 +35,7 @@ def hook(identifier: str) -> list[str]:
     hooks = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())
     (found,) = [one for one in hooks if one["id"] == identifier]
     assert found["language"] == "python"
-    assert found["types_or"] == ["python", "pyi", "jupyter", "c", "c++"]
+    assert found["types_or"] == ["python", "pyi", "jupyter", "c", "c++", "cuda"]
     command, *arguments = shlex.split(found["entry"])
     assert command == "ransac-fix"
     return [*arguments, "fit.py"]
