@@ -42,6 +42,20 @@ def test_the_table_and_the_pages_are_what_the_stored_results_make():
     }
 
 
+def test_a_report_is_stored_with_controls_or_without_a_verdict_to_prove():
+    script = build()
+    results = script.stored_results()
+    release = results["kornia"][-1]
+    unmeasured = {**release, "version": "9.9", "unmeasured": "has no wheel", "verdicts": []}
+    again = script.merged(results, [{"controls": [], "releases": [unmeasured]}])
+    assert again["kornia"] == [*results["kornia"], unmeasured]
+    passed, failed = ({"name": "exact", "passed": passed} for passed in (True, False))
+    assert script.merged(results, [{"controls": [passed], "releases": [release]}]) == results
+    for controls in ([], [failed], [passed, failed]):
+        with pytest.raises(SystemExit, match="controls not identified"):
+            script.merged(results, [{"controls": controls, "releases": [release]}])
+
+
 # What is known from elsewhere: upstream's history, and earlier measurements.
 KNOWN = [
     ("pycolmap", "3.11.1", "estimate_homography_matrix", "undersamples", "(I/n)^4"),

@@ -119,8 +119,6 @@ class StoppingLaw:
         Whether I is computed as ``int(I / n * n)`` and now and then comes out one too small.
     formula : str
         One representative of the class.
-    implied_probability : float or None
-        Where no law fits, the P that the points imply for the first (n, I) measured.
     quota : tuple of int
         Sizes of the parts of a sample in P, where it goes by strata; as in `SamplerLaw`.
     """
@@ -133,7 +131,6 @@ class StoppingLaw:
     tested: Literal["every trial", "on improvement"]
     truncated: bool
     formula: str
-    implied_probability: float | None = None
     quota: tuple[int, ...] = ()
 
 
