@@ -25,6 +25,8 @@ _CAMERA = {
     "height": 1024,
     "params": [FOCAL, CENTRE, CENTRE],
 }
+# An empty list may be one of cameras or of dictionaries: a release takes the first.
+_NO_CAMERAS: list[Any] = []
 # Cameras of the planted rigs.
 _CAMERAS = 2
 
@@ -46,6 +48,11 @@ def _outcome(info: dict[str, Any]) -> Outcome:
     return Outcome(inliers if inliers.size else None, int(info["iterations"]))
 
 
+def _members(planted: Planted) -> list[Any]:
+    """Return the numbers of the measurements of each stratum."""
+    return [np.flatnonzero(planted.strata == number) for number in range(_CAMERAS)]
+
+
 def _of_strata(planted: Planted, members: list[Any], inliers: Any, info: dict[str, Any]) -> Outcome:
     """Put the inliers of each stratum back to their places."""
     mask = np.zeros(planted.n_samples, dtype=bool)
@@ -55,63 +62,69 @@ def _of_strata(planted: Planted, members: list[Any], inliers: Any, info: dict[st
     return Outcome(mask if mask.any() else None, int(info["iterations"]))
 
 
-def _entry_points(poselib: Any) -> list[EntryPoint | Unmeasured]:
-    def homography(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+class _Functions:
+    """The estimators, each as a probe wants it."""
+
+    def __init__(self, poselib: Any) -> None:
+        self.poselib = poselib
+
+    def homography(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_reproj_error")
-        return _outcome(poselib.estimate_homography(planted.x, planted.y, options, {})[1])
+        return _outcome(self.poselib.estimate_homography(planted.x, planted.y, options, {})[1])
 
-    def fundamental(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def fundamental(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_epipolar_error")
-        return _outcome(poselib.estimate_fundamental(planted.x, planted.y, options, {})[1])
+        return _outcome(self.poselib.estimate_fundamental(planted.x, planted.y, options, {})[1])
 
-    def relative_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def relative_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_epipolar_error")
-        found = poselib.estimate_relative_pose(planted.x, planted.y, _CAMERA, _CAMERA, options, {})
+        found = self.poselib.estimate_relative_pose(
+            planted.x, planted.y, _CAMERA, _CAMERA, options, {}
+        )
         return _outcome(found[1])
 
-    def shared_focal(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def shared_focal(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_epipolar_error")
-        found = poselib.estimate_shared_focal_relative_pose(
+        found = self.poselib.estimate_shared_focal_relative_pose(
             planted.x, planted.y, np.array([CENTRE, CENTRE]), options, {}
         )
         return _outcome(found[1])
 
-    def absolute_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def absolute_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_reproj_error")
         return _outcome(
-            poselib.estimate_absolute_pose(planted.y, planted.x, _CAMERA, options, {})[1]
+            self.poselib.estimate_absolute_pose(planted.y, planted.x, _CAMERA, options, {})[1]
         )
 
-    def radial_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def radial_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_reproj_error")
-        found = poselib.estimate_1D_radial_absolute_pose(planted.y - CENTRE, planted.x, options, {})
+        found = self.poselib.estimate_1D_radial_absolute_pose(
+            planted.y - CENTRE, planted.x, options, {}
+        )
         return _outcome(found[1])
 
-    def hybrid_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def hybrid_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         # Without matches to a map: with some, release 2.0.5 draws points that do not exist.
         options = _options(planted, settings, seed, "max_reproj_error")
-        found = poselib.estimate_hybrid_pose(
-            planted.y, planted.x, [], _CAMERA, [], no_cameras, options, {}
+        found = self.poselib.estimate_hybrid_pose(
+            planted.y, planted.x, [], _CAMERA, [], _NO_CAMERAS, options, {}
         )
         return _outcome(found[1])
 
-    def members(planted: Planted) -> list[Any]:
-        return [np.flatnonzero(planted.strata == number) for number in range(_CAMERAS)]
-
-    def rig_poses() -> list[Any]:
+    def _rig_poses(self) -> list[Any]:
         poses = []
         for rotation, shift in rig(_CAMERAS):
-            pose = poselib.CameraPose()
+            pose = self.poselib.CameraPose()
             pose.R, pose.t = rotation, shift
             poses.append(pose)
         return poses
 
-    def point_line_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def point_line_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_reproj_error")
         # The one for lines.
         options["max_epipolar_error"] = planted.threshold
-        points, lines = members(planted)
-        _, info = poselib.estimate_absolute_pose_pnpl(
+        points, lines = _members(planted)
+        _, info = self.poselib.estimate_absolute_pose_pnpl(
             planted.y[points, :2],
             planted.x[points, :3],
             planted.y[lines, :2],
@@ -125,36 +138,37 @@ def _entry_points(poselib: Any) -> list[EntryPoint | Unmeasured]:
         inliers = info["inliers"], info["inliers_lines"]
         return _of_strata(planted, [points, lines], inliers, info)
 
-    def rig_absolute_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def rig_absolute_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_reproj_error")
-        of_camera = members(planted)
-        _, info = poselib.estimate_generalized_absolute_pose(
+        of_camera = _members(planted)
+        _, info = self.poselib.estimate_generalized_absolute_pose(
             [planted.y[places] for places in of_camera],
             [planted.x[places] for places in of_camera],
-            rig_poses(),
+            self._rig_poses(),
             [_CAMERA] * _CAMERAS,
             options,
             {},
         )
         return _of_strata(planted, of_camera, info["inliers"], info)
 
-    def rig_relative_pose(planted: Planted, settings: Settings | None, seed: int) -> Outcome:
+    def rig_relative_pose(self, planted: Planted, settings: Settings | None, seed: int) -> Outcome:
         options = _options(planted, settings, seed, "max_epipolar_error")
-        of_pair = members(planted)
+        of_pair = _members(planted)
         matches = []
         for number, places in enumerate(of_pair):
-            pair = poselib.PairwiseMatches()
+            pair = self.poselib.PairwiseMatches()
             pair.cam_id1 = pair.cam_id2 = number
             pair.x1, pair.x2 = planted.x[places], planted.y[places]
             matches.append(pair)
-        cameras = rig_poses(), [_CAMERA] * _CAMERAS
-        _, info = poselib.estimate_generalized_relative_pose(
+        cameras = self._rig_poses(), [_CAMERA] * _CAMERAS
+        _, info = self.poselib.estimate_generalized_relative_pose(
             matches, *cameras, *cameras, options, {}
         )
         return _of_strata(planted, of_pair, info["inliers"], info)
 
-    # An empty list may be one of cameras or of dictionaries: a release takes the first.
-    no_cameras: list[Any] = []
+
+def _entry_points(poselib: Any) -> list[EntryPoint | Unmeasured]:
+    functions = _Functions(poselib)
     untouched = poselib.RansacOptions({})
     defaults = Defaults(
         float(untouched["success_prob"]),
@@ -165,19 +179,26 @@ def _entry_points(poselib: Any) -> list[EntryPoint | Unmeasured]:
     )
     # Name, planted problem, k, how to run, spare, strata.
     table = (
-        ("estimate_homography", "homography", 4, homography, 1, 1),
-        ("estimate_fundamental", "fundamental", 7, fundamental, 2, 1),
-        ("estimate_relative_pose", "essential", 5, relative_pose, 2, 1),
-        ("estimate_shared_focal_relative_pose", "essential", 6, shared_focal, 2, 1),
-        ("estimate_absolute_pose", "absolute_pose", 3, absolute_pose, 1, 1),
-        ("estimate_absolute_pose_pnpl", "point_line_pose", 3, point_line_pose, 2, _CAMERAS),
-        ("estimate_1D_radial_absolute_pose", "absolute_pose", 5, radial_pose, 2, 1),
-        ("estimate_hybrid_pose", "absolute_pose", 3, hybrid_pose, 1, 1),
+        ("estimate_homography", "homography", 4, functions.homography, 1, 1),
+        ("estimate_fundamental", "fundamental", 7, functions.fundamental, 2, 1),
+        ("estimate_relative_pose", "essential", 5, functions.relative_pose, 2, 1),
+        ("estimate_shared_focal_relative_pose", "essential", 6, functions.shared_focal, 2, 1),
+        ("estimate_absolute_pose", "absolute_pose", 3, functions.absolute_pose, 1, 1),
+        (
+            "estimate_absolute_pose_pnpl",
+            "point_line_pose",
+            3,
+            functions.point_line_pose,
+            2,
+            _CAMERAS,
+        ),
+        ("estimate_1D_radial_absolute_pose", "absolute_pose", 5, functions.radial_pose, 2, 1),
+        ("estimate_hybrid_pose", "absolute_pose", 3, functions.hybrid_pose, 1, 1),
         (
             "estimate_generalized_absolute_pose",
             "rig_absolute_pose",
             3,
-            rig_absolute_pose,
+            functions.rig_absolute_pose,
             1,
             _CAMERAS,
         ),
@@ -185,7 +206,7 @@ def _entry_points(poselib: Any) -> list[EntryPoint | Unmeasured]:
             "estimate_generalized_relative_pose",
             "rig_relative_pose",
             6,
-            rig_relative_pose,
+            functions.rig_relative_pose,
             2,
             _CAMERAS,
         ),

@@ -121,21 +121,7 @@ def measure(
     fit = laws.Fit(None)
     k = one["sample_size"]
     for attempt in range(2):
-        # Counted trials are checked by a flip point of the shortest runs, unless the draws
-        # themselves were counted: then one point a problem does, as such libraries are slow;
-        # flip points are the evidence else.
-        steps = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
-        if not one["repeatable"]:
-            steps = []
-        if one["counted"] and attempt == 0:
-            checked = sorted(steps, key=lambda step: step[1].trials)[:1]
-            steps = [
-                ("count", s, 1 if one["watched"] else s.points)
-                for s in settings_for(one, sampler, counted=True)
-            ]
-            if not one["watched"]:
-                steps += [("flip", setting, 1) for _, setting, _ in checked]
-        for kind, setting, wanted in steps:
+        for kind, setting, wanted in _steps(one, sampler, counting=attempt == 0):
             answer = host.ask(
                 "points",
                 entry_point=one["name"],
@@ -304,6 +290,30 @@ def _ends_at_once(
         seed=seed + 40_000,
     )
     return answer["first"] >= _ENDINGS and not answer["later"], answer["runs"]
+
+
+def _steps(
+    one: dict[str, Any], sampler: SamplerLaw, *, counting: bool
+) -> list[tuple[str, plan.Setting, int]]:
+    """Return the kinds of point to ask for, on which problems, and how many.
+
+    Counted trials are checked by a flip point of the shortest runs, unless the draws themselves
+    were counted: then one point a problem does, as such libraries are slow. Flip points are the
+    evidence else.
+    """
+    flips = []
+    if one["repeatable"]:
+        flips = [("flip", s, s.points) for s in settings_for(one, sampler, counted=False)]
+    if not (one["counted"] and counting):
+        return flips
+    checked = sorted(flips, key=lambda step: step[1].trials)[:1]
+    counts = settings_for(one, sampler, counted=True)
+    if one["watched"]:
+        return [("count", setting, 1) for setting in counts]
+    return [
+        *(("count", setting, setting.points) for setting in counts),
+        *(("flip", setting, 1) for _, setting, _ in checked),
+    ]
 
 
 def _request(setting: plan.Setting, kind: str, wanted: int, seed: int) -> dict[str, Any]:
