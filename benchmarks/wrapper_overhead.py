@@ -19,15 +19,15 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import ransac_fix
+from ransac_fix import criterion
 from ransac_fix.patching import missing, registry
-from ransac_fix.patching.watching import CURRENT, Watched
+from ransac_fix.patching.watching import Watched, watching
 
 PINHOLE = {"model": "SIMPLE_PINHOLE", "width": 2000, "height": 1500}
 SIZES = (20, 50, 100, 500, 1000, 5000)
@@ -222,7 +222,6 @@ class Cost:
 
 def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
     """Return what a call costs, bare and wrapped."""
-    module = import_module(f"ransac_fix.patches.{system.replace('-', '_')}")
     ransac_fix.patch(system)
     expected = excess(call, problem)
     places = registry.places(system)
@@ -233,8 +232,7 @@ def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
             for place in places:
                 setattr(place.holder, place.name, getattr(place, kind))
             # A program rarely solves the same problem twice.
-            forget(missing)
-            forget(module)
+            criterion._SETTINGS.clear()
             start = time.process_time()
             call(problem)
             taken = time.process_time() - start
@@ -251,23 +249,13 @@ def measure(call: Call, system: str, problem: Problem, repeat: int) -> Cost:
 def excess(call: Call, problem: Problem) -> float | None:
     """Return N_e / N_a at the inliers found, as far as limits allow; None if nothing is missing."""
     watched = Watched(exact=False)  # the library as it is, and what it says of the run
-    token = CURRENT.set(watched)
-    try:
+    with watching(watched):
         call(problem)
-    finally:
-        CURRENT.reset(token)
     if watched.facts is None:
         return None
     counts, (trials, limit), how = watched.facts[:4], watched.facts[4:6], watched.facts[6:]
     lacking = missing.missing_trials(*counts, trials, limit, missing.slack(), *how)
     return (trials + lacking) / trials if lacking else None
-
-
-def forget(module: Any) -> None:
-    """Empty the caches of a module's functions, but for what is kept by size alone."""
-    for value in vars(module).values():
-        if hasattr(value, "cache_clear") and value is not missing._factor:
-            value.cache_clear()
 
 
 def percent(values: list[float]) -> str:

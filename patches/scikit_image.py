@@ -17,12 +17,11 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ransac_fix.criterion import approximate_required_trials, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
 from ransac_fix.patching.missing import own_function
-from ransac_fix.patching.rules import count_rule, examine
-from ransac_fix.patching.watching import CURRENT, note
+from ransac_fix.patching.rules import count_rule
+from ransac_fix.patching.watching import note
 
 if TYPE_CHECKING:
     from skimage.measure import ransac
@@ -43,7 +42,7 @@ def plan(module: ModuleType) -> tuple[Replacement, ...]:
 
 def observe(module: ModuleType) -> tuple[Replacement, ...]:
     """Return what to watch: ``ransac``, in the module where it looks its rule up."""
-    import numpy as np
+    from numpy import count_nonzero
 
     original = own_function(module, "ransac")
     home = (
@@ -54,34 +53,24 @@ def observe(module: ModuleType) -> tuple[Replacement, ...]:
     if home is not module and home.__name__ in PATCH.modules:
         return ()  # watched there
     parameters = inspect.signature(original).parameters
-    places = {name: place for place, name in enumerate(parameters)}
-    settings = [
-        (name, places[name], parameters[name].default)
-        for name in ("min_samples", "max_trials", "stop_sample_num", "stop_probability")
-    ]
-    rule = own_function(home, "_dynamic_max_trials")
-    assert rule is not None
-    is_exact = examine(rule, f"{home.__name__}._dynamic_max_trials").assumes == "exact"
+    for name in ("min_samples", "max_trials", "stop_sample_num", "stop_probability"):
+        if name not in parameters:
+            raise PatchNotApplicable(f"{module.__name__}.ransac takes no {name}")
+    names = tuple(parameters)
+    defaults = {name: parameter.default for name, parameter in parameters.items()}
     highest = 1.0 - sys.float_info.epsilon
 
     def ransac(*args: Any, **kwargs: Any) -> Any:
         result = original(*args, **kwargs)
         inliers = result[1]
         if inliers is not None:
-            k, limit, enough, confidence = [
-                args[place] if place < len(args) else kwargs.get(name, default)
-                for name, place, default in settings
-            ]
-            n_samples, n_inliers = len(inliers), int(np.count_nonzero(inliers))
-            confidence = min(confidence, highest)
+            settings = {**defaults, **dict(zip(names, args)), **kwargs}  # noqa: B905 -- fewer arguments
+            k, limit = settings["min_samples"], settings["max_trials"]
+            n_samples, n_inliers = len(inliers), int(count_nonzero(inliers))
+            confidence = min(settings["stop_probability"], highest)
             # With this the user asks for an end of another kind.
-            if n_inliers < enough:
-                watched = CURRENT.get()
-                exact = is_exact or (watched is not None and watched.exact)
-                # The library's own takes longer: it works on arrays.
-                law = required_trials if exact else approximate_required_trials
-                trials = max(min(law(n_inliers, n_samples, k, confidence), limit), 1)
-                note(n_inliers, n_samples, k, confidence, trials, limit)
+            if n_inliers < settings["stop_sample_num"]:
+                note(n_inliers, n_samples, k, confidence, None, limit)
         return result
 
     return (Replacement(holder=module, name="ransac", exact=ransac),)

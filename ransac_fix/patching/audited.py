@@ -8,7 +8,7 @@ from ransac_fix.patching import missing
 from ransac_fix.patching.calls import judge
 from ransac_fix.patching.engine import patch, status
 from ransac_fix.patching.plugins import discover
-from ransac_fix.patching.watching import CURRENT, Watched
+from ransac_fix.patching.watching import Watched, watching
 
 __all__ = ["counted", "patch_for_audit"]
 
@@ -59,15 +59,12 @@ def counted(call: Callable[[], object], *, exact: bool = True) -> dict[str, Any]
         The fields of `ransac_fix.audit.model.TrialCount`. None where the call was passed through.
     """
     watched = Watched(exact)
-    token = CURRENT.set(watched)
-    try:
+    with watching(watched):
         call()
-    finally:
-        CURRENT.reset(token)
     if watched.first is None or watched.facts is None:
         return None
     first, last = judge(*watched.first, False), judge(*watched.facts, False)
-    _, n_samples, sample_size, confidence, trials, limit, _, _ = watched.facts
+    _, n_samples, sample_size, confidence, _, limit, _, _ = watched.facts
     return {
         "n_samples": int(n_samples),
         "n_inliers": last.n_inliers,
@@ -75,7 +72,7 @@ def counted(call: Callable[[], object], *, exact: bool = True) -> dict[str, Any]
         "confidence": float(confidence),
         "own": _finite(first.trials),
         "first_inliers": first.n_inliers,
-        "trials": _finite(trials),
+        "trials": _finite(last.trials),
         "required": _finite(last.needed),
         "limit": _finite(limit),
     }

@@ -5,14 +5,18 @@ logarithmic scale from which medians are read with an error of one percent.
 """
 
 import math
+import struct
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from ransac_fix.criterion import approximate_required_trials, required_trials, success_probability
+
+if TYPE_CHECKING:
+    from ransac_fix.patching.watching import Facts, Sampling
 
 __all__ = [
     "Bound",
@@ -26,22 +30,16 @@ __all__ = [
     "described",
     "is_telling",
     "judge",
+    "packed",
+    "unpacked",
 ]
 
 Bound: TypeAlias = Literal["rule", "cap", "floor"]
-Sampling: TypeAlias = Literal["distinct", "replacement"]
 Key: TypeAlias = tuple[str, str, str, int, str]
 """System, function, and the call site: file, line, and the name of the calling function."""
-Raw: TypeAlias = tuple[
-    tuple[int, int, int, float, float, float, Sampling, float | None] | None,
-    float,
-    bool,
-    bool,
-    bool,
-    float,
-]
-"""What is kept of a call while it is made: the arguments of `watching.note`, seconds, whether it
-was patched, whether the library is exact, whether it raised, and the slack."""
+Raw: TypeAlias = tuple["Facts | None", float, bool, bool, float]
+"""What is kept of a call when it has been made: the arguments of `watching.note`, seconds, whether
+it was patched, whether it raised, and the slack."""
 
 # Rules round, and test before or after a trial.
 _OFFSET = 2
@@ -49,8 +47,7 @@ _BASE = math.log(1.02)
 _INFINITE = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(NamedTuple):  # quicker to make than a frozen dataclass
     """What a run amounts to.
 
     Attributes
@@ -80,9 +77,9 @@ def judge(
     n_samples: int,
     sample_size: int,
     confidence: float,
-    trials: float,
+    trials: float | None,
     max_trials: float,
-    sampling: Sampling,
+    sampling: "Sampling",
     chance: float | None,
     exact: bool,
 ) -> Judged:
@@ -92,6 +89,7 @@ def judge(
     ----------
     n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
         As in `ransac_fix.patching.missing.missing_trials`.
+        Without `trials`, what the library's rule asks for up to its limit.
     exact : bool
         The library's rule is exact.
     """
@@ -104,7 +102,9 @@ def judge(
         needed = math.ceil(math.log1p(-confidence) / math.log1p(-chance))
     else:
         needed = 1 if chance > 0 else math.inf
-    if exact:
+    if trials is None:
+        trials = max(min(needed if exact else approximate, max_trials), 1)
+    elif exact:
         trials = min(max(trials, needed), max_trials)
     if chance is None:
         success = success_probability(
@@ -122,7 +122,7 @@ def judge(
     return Judged(n_inliers, trials, needed, success, bound)
 
 
-class Record(NamedTuple):  # quicker to make than a frozen dataclass
+class Record(NamedTuple):
     """One call, or so many of its numbers as could be read.
 
     Attributes
@@ -159,13 +159,89 @@ class Record(NamedTuple):  # quicker to make than a frozen dataclass
         return min(self.needed, self.max_trials) - self.trials if self.short else 0.0
 
 
-def described(raw: Raw) -> Record:
-    """Return the record of a call from what was kept of it."""
-    facts, seconds, patched, exact, failed, allowed = raw
+# The site and four flags, then all numbers as floats: counts below 2**53 are exact.
+_CALL = struct.Struct("=IB9d")
+_READ, _PATCHED, _FAILED, _REPLACED = 1, 2, 4, 8
+_NOTHING: "Facts" = (0, 0, 0, 0.0, 0.0, 0.0, "distinct", None)
+PACKED_SIZE = _CALL.size
+
+
+def packed(site: int, raw: Raw) -> bytes:
+    """Return what was kept of a call, and the number of its call site, in `PACKED_SIZE` bytes."""
+    facts, seconds, patched, failed, allowed = raw
+    flags = patched * _PATCHED + failed * _FAILED
+    if facts is None:
+        facts = _NOTHING
+    else:
+        flags += _READ
+    n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance = facts
+    if sampling == "replacement":
+        flags += _REPLACED
+    return _CALL.pack(
+        site,
+        flags,
+        n_inliers,
+        n_samples,
+        sample_size,
+        confidence,
+        math.nan if trials is None else trials,
+        max_trials,
+        math.nan if chance is None else chance,
+        seconds,
+        allowed,
+    )
+
+
+def unpacked(data: bytes, offset: int) -> tuple[int, Raw]:
+    """Return what `packed` was given."""
+    site, flags, n_inliers, n_samples, sample_size, *numbers, seconds, allowed = _CALL.unpack_from(
+        data, offset
+    )
+    confidence, trials, max_trials, chance = numbers
+    facts: Facts | None = None
+    if flags & _READ:
+        facts = (
+            int(n_inliers),
+            int(n_samples),
+            int(sample_size),
+            confidence,
+            None if math.isnan(trials) else trials,
+            max_trials,
+            "replacement" if flags & _REPLACED else "distinct",
+            None if math.isnan(chance) else chance,
+        )
+    return site, (facts, seconds, bool(flags & _PATCHED), bool(flags & _FAILED), allowed)
+
+
+def described(raw: Raw, exact: bool) -> Record:
+    """Return the record of a call from what was kept of it.
+
+    Parameters
+    ----------
+    raw : tuple
+        See `Raw`.
+    exact : bool
+        The library's rule is exact.
+    """
+    facts, seconds, patched, failed, allowed = raw
     if failed or facts is None:
         return Record("failed" if failed else "unread", seconds, patched)
-    _, n_samples, sample_size, confidence, _, max_trials, _, _ = facts
-    judged = judge(*facts, exact)
+    # NumPy's numbers may be among them.
+    n_inliers, n_samples, sample_size = int(facts[0]), int(facts[1]), int(facts[2])
+    confidence, max_trials = float(facts[3]), float(facts[5])
+    trials = None if facts[4] is None else float(facts[4])
+    judged = judge(
+        n_inliers,
+        n_samples,
+        sample_size,
+        confidence,
+        trials,
+        max_trials,
+        facts[6],
+        None if facts[7] is None else float(facts[7]),
+        # What a patch has counted is what was run.
+        exact or (patched and trials is None),
+    )
     short = judged.trials < judged.needed and (
         1.0 - judged.success > (1.0 - confidence) * (1.0 + allowed)
     )
@@ -191,7 +267,6 @@ def is_telling(record: Record) -> bool:
     return record.outcome == "read" and not record.patched and record.extra > 0
 
 
-@lru_cache(maxsize=8192)
 def _bucket(value: float) -> int:
     if value == math.inf:
         return _INFINITE

@@ -21,17 +21,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, expm1, inf, log1p
 from types import ModuleType
-from typing import Any, Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from ransac_fix.criterion import all_inlier_probability, required_trials
 from ransac_fix.errors import RansacFixError, RansacFixWarning
-from ransac_fix.patching import watching
+from ransac_fix.patching.watching import CURRENT
 
 __all__ = [
     "DEFAULT_SLACK",
     "Attempt",
+    "Chance",
     "Promise",
     "Spare",
+    "approximate_chance",
     "complete",
     "fresh_seed",
     "missing_trials",
@@ -81,8 +83,7 @@ class Promise:
     sampling: Sampling = "distinct"
 
 
-@dataclass(frozen=True, slots=True)
-class Spare:
+class Spare(NamedTuple):  # quicker to look up by than a frozen dataclass
     """By how much a first run may exceed the exact number, whatever it finds.
 
     Parameters
@@ -155,28 +156,13 @@ def missing_trials(
         ``required_trials(...) - trials``, or what `max_trials` leaves of it. 0 also where
         `ransac_fix.trace` watches a call that is not to be made exact: it takes note.
     """
-    watched = watching.note(
-        n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
-    )
-    if watched is not None and not watched.exact:
-        return 0
-    return _missing_trials(
-        n_inliers, n_samples, sample_size, confidence, trials, max_trials, slack, sampling, chance
-    )
-
-
-@lru_cache(maxsize=8192)
-def _missing_trials(
-    n_inliers: int,
-    n_samples: int,
-    sample_size: int,
-    confidence: float,
-    trials: float,
-    max_trials: float,
-    slack: float,
-    sampling: Sampling,
-    chance: float | None,
-) -> int:
+    watched = CURRENT.watched
+    if watched is not None:
+        watched.note(
+            (n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance)
+        )
+        if not watched.exact:
+            return 0
     if trials >= max_trials or n_samples < sample_size or confidence <= 0:
         return 0
     n_inliers = min(max(n_inliers, sample_size), n_samples)
@@ -198,7 +184,7 @@ def _missing_trials(
     return int(left) if left < _UNLIMITED else _UNLIMITED
 
 
-def _approximate_chance(n_inliers: int, n_samples: int, sample_size: int) -> float:
+def approximate_chance(n_inliers: int, n_samples: int, sample_size: int) -> float:
     """Return the probability that most libraries assume, (I/n)**k."""
     return float((n_inliers / n_samples) ** sample_size)
 
@@ -211,7 +197,7 @@ def raised_confidence(
     *,
     multiplier: float = 1.0,
     sampling: Sampling = "distinct",
-    assumed: Chance = _approximate_chance,
+    assumed: Chance = approximate_chance,
 ) -> float:
     """Return the confidence to ask of the first run.
 
@@ -237,14 +223,14 @@ def raised_confidence(
         `confidence` where raising it serves nothing, and where `ransac_fix.trace` watches a call
         that is not to be made exact.
     """
-    watched = watching.CURRENT.get()
+    watched = CURRENT.watched
     if watched is not None and not watched.raising:
         return confidence
     if not 0 < confidence < 1 or n_samples <= sample_size or multiplier <= 0:
         return confidence
     # What is similar is asked once: five bits of n say enough. With more measurements r is less.
     shift = max(int(n_samples).bit_length() - 5, 0)
-    factor = _factor(
+    return _raised(
         -(-n_samples >> shift) << shift,
         sample_size,
         confidence,
@@ -254,12 +240,10 @@ def raised_confidence(
         assumed,
         _slack,
     )
-    raised = -expm1(factor * log1p(-confidence))
-    return raised if confidence < raised < _HIGHEST_CONFIDENCE else confidence
 
 
 @lru_cache(maxsize=8192)
-def _factor(
+def _raised(
     n_samples: int,
     sample_size: int,
     confidence: float,
@@ -269,7 +253,7 @@ def _factor(
     assumed: Chance,
     slack: float,
 ) -> float:
-    """Return the factor r of `raised_confidence`, 1 or more."""
+    """Return what `raised_confidence` does, for settings in which it can be raised."""
     failure = log1p(-confidence)
     accepted = min(failure + log1p(slack), 0.0)
     least = inf
@@ -278,14 +262,15 @@ def _factor(
         own = multiplier * failure / log1p(-assumed(n_inliers, n_samples, sample_size))
         most = (1.0 + spare.share) * accepted / log1p(-chance) + spare.trials
         least = min(least, most / own)
-    return max(least, 1.0)
+    raised = -expm1(least * failure)
+    return raised if confidence < raised < _HIGHEST_CONFIDENCE else confidence
 
 
 def complete(
     first: Attempt[Result],
     promise: Promise,
     run: Callable[[int, int], Attempt[Result]],
-    is_better: Callable[[Result, Result], bool],
+    is_better: Callable[[Result, Result], bool] | None = None,
 ) -> Result:
     """Return the library's result, after the missing trials where there are any.
 
@@ -299,9 +284,9 @@ def complete(
         ``run(trials, round)`` runs the library for so many trials on fresh samples; `round`
         counts from 1, to derive a seed or a permutation from. A library whose rule cannot be
         kept from stopping early may run fewer trials: it is called again for the rest.
-    is_better : callable
-        ``is_better(new, best)`` compares two results by the library's own measure. Ties keep the
-        earlier result.
+    is_better : callable, optional
+        ``is_better(new, best)`` compares two results by the library's own measure: the number of
+        inliers, where not given. Ties keep the earlier result.
 
     Returns
     -------
@@ -331,7 +316,11 @@ def complete(
         runs += 1
         attempt = run(missing, runs)
         trials += max(attempt.trials, 1)
-        if is_better(attempt.result, best.result):
+        if is_better is None:
+            better = attempt.n_inliers > best.n_inliers
+        else:
+            better = is_better(attempt.result, best.result)
+        if better:
             best = attempt
     if runs and limit != promise.max_trials and trials >= limit:
         warnings.warn(

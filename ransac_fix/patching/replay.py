@@ -22,7 +22,7 @@ from zlib import crc32
 
 from ransac_fix.patching import engine, missing, plugins
 from ransac_fix.patching.samples import kept
-from ransac_fix.patching.watching import CURRENT, Watched
+from ransac_fix.patching.watching import Watched, watching
 
 if TYPE_CHECKING:
     from ransac_fix.patching.watching import Facts
@@ -87,12 +87,8 @@ def _run(
     """Return the numbers of a run when it first said some, and at its end."""
     args, kwargs = pickle.loads(inputs)  # noqa: S301 -- what the trace has written
     watched = Watched(exact, raising=False)
-    with _seeded(seed):
-        token = CURRENT.set(watched)
-        try:
-            call(*args, **kwargs)
-        finally:
-            CURRENT.reset(token)
+    with _seeded(seed), watching(watched):
+        call(*args, **kwargs)
     if watched.first is None or watched.facts is None:
         raise LookupError("it found no model")
     return watched.first, watched.facts

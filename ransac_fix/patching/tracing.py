@@ -21,7 +21,7 @@ from typing import Any, Self
 
 from ransac_fix.errors import PatchNotApplicable, RansacFixError, RansacFixWarning
 from ransac_fix.patching import engine, missing, plugins, registry, startup
-from ransac_fix.patching.calls import Raw, described
+from ransac_fix.patching.calls import described
 from ransac_fix.patching.interface import Replacement
 from ransac_fix.patching.recorder import Recorder, merge
 from ransac_fix.patching.samples import Drawn, request
@@ -239,7 +239,7 @@ def _watching(
 ) -> Callable[..., Any]:
     """Return a function that stands for `inner` and records its calls, read by `reader`."""
     active = system.switch.active
-    name = system.name
+    called = system.name, function
 
     @functools.wraps(inner)
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -249,18 +249,17 @@ def _watching(
         watched = Watched(active())
         samples = recorder.samples
         drawn = None if samples is None else samples.draw(args, kwargs)
-        token = CURRENT.set(watched)
+        before = CURRENT.watched
+        CURRENT.watched = watched
+        failed = True
         start = perf_counter()
         try:
             result = reader(*args, **kwargs)
-        except BaseException:
+            failed = False
+        finally:
             seconds = perf_counter() - start
-            CURRENT.reset(token)
-            _record(recorder, (name, function), watched, seconds, failed=True, drawn=None)
-            raise
-        seconds = perf_counter() - start
-        CURRENT.reset(token)
-        _record(recorder, (name, function), watched, seconds, failed=False, drawn=drawn)
+            CURRENT.watched = before
+            _record(recorder, called, watched, seconds, failed, drawn)
         return result
 
     call.__ransac_fix__ = True  # type: ignore[attr-defined]
@@ -272,37 +271,21 @@ def _record(
     called: tuple[str, str],
     watched: Watched,
     seconds: float,
-    *,
     failed: bool,
     drawn: Drawn | None,
 ) -> None:
     """Record one call. What goes wrong here is said once and is not the program's affair."""
     try:
-        key = called + _call_site()
-        raw = _raw(watched, seconds, called[0] in recorder.exact, failed)
+        key = called + _call_site(2)
+        patched = watched.exact
+        # What a patched library leaves out on purpose.
+        allowed = missing.slack() if patched else 0.0
+        raw = watched.facts, seconds, patched, failed, allowed
         recorder.add(key, raw)
-        if recorder.samples is not None:
-            recorder.samples.keep(drawn, key, described(raw))
+        if recorder.samples is not None and not failed:
+            recorder.samples.keep(drawn, key, described(raw, called[0] in recorder.exact))
     except Exception as error:  # noqa: BLE001 -- see above
         warnings.warn(f"a call of {called} was not recorded: {error}", RansacFixWarning, 4)
-
-
-def _raw(watched: Watched, seconds: float, exact: bool, failed: bool) -> Raw:
-    # What a patched library leaves out on purpose.
-    allowed = missing.slack() if watched.exact else 0.0
-    facts = watched.facts
-    if facts is not None:  # numbers of NumPy's among them
-        facts = (
-            int(facts[0]),
-            int(facts[1]),
-            int(facts[2]),
-            float(facts[3]),
-            float(facts[4]),
-            float(facts[5]),
-            facts[6],
-            None if facts[7] is None else float(facts[7]),
-        )
-    return facts, seconds, watched.exact, exact, failed, allowed
 
 
 # Where a program's own code is not: the standard library, installed packages, ransac-fix.
@@ -328,9 +311,15 @@ _DEEPEST = 60
 _kinds: dict[str, int] = {}
 
 
-def _call_site() -> tuple[str, int, str]:
-    """Return the nearest line of the program's own code, or of what called the library."""
-    frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 -- there is no other way
+def _call_site(depth: int) -> tuple[str, int, str]:
+    """Return the nearest line of the program's own code, or of what called the library.
+
+    Parameters
+    ----------
+    depth : int
+        How many functions of ours are on the stack: they need not be looked at.
+    """
+    frame: FrameType | None = sys._getframe(depth + 1)  # noqa: SLF001 -- there is no other way
     nearest: FrameType | None = None
     for _ in range(_DEEPEST):
         if frame is None:

@@ -4,17 +4,19 @@
 function tells it the numbers of the run through `note`. Without one `note` does nothing.
 """
 
-from contextvars import ContextVar
+import contextlib
+import threading
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import Literal, TypeAlias
 
     Sampling: TypeAlias = Literal["distinct", "replacement"]
-    Facts: TypeAlias = tuple[int, int, int, float, float, float, Sampling, float | None]
+    Facts: TypeAlias = tuple[int, int, int, float, float | None, float, Sampling, float | None]
     """The arguments of `note`."""
 
-__all__ = ["CURRENT", "Watched", "note"]
+__all__ = ["CURRENT", "Watched", "note", "watching"]
 
 
 class Watched:
@@ -40,8 +42,35 @@ class Watched:
         self.facts: Facts | None = None
         self.first: Facts | None = None
 
+    def note(self, facts: "Facts") -> None:
+        """Take note of the numbers of a run."""
+        self.facts = facts
+        if self.first is None:
+            self.first = facts
 
-CURRENT: ContextVar[Watched | None] = ContextVar("ransac_fix watched call", default=None)
+
+class _Current(threading.local):
+    """The call that is being made in this thread, where it is watched; else None.
+
+    No other task can run in the thread until the call returns. A context variable would take
+    longer: to set one slows down NumPy, which keeps its error state in another.
+    """
+
+    watched: Watched | None = None
+
+
+CURRENT = _Current()
+
+
+@contextlib.contextmanager
+def watching(watched: Watched) -> "Iterator[Watched]":
+    """Watch the call that is made in a block."""
+    before = CURRENT.watched
+    CURRENT.watched = watched
+    try:
+        yield watched
+    finally:
+        CURRENT.watched = before
 
 
 def note(
@@ -49,7 +78,7 @@ def note(
     n_samples: int,
     sample_size: int,
     confidence: float,
-    trials: float,
+    trials: float | None,
     max_trials: float,
     sampling: "Sampling" = "distinct",
     chance: float | None = None,
@@ -59,25 +88,18 @@ def note(
     Parameters
     ----------
     n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance
-        As in `ransac_fix.patching.missing.missing_trials`.
+        As in `ransac_fix.patching.missing.missing_trials`. Without `trials` the run is taken to
+        be what the library's rule asks for with `n_inliers` in hand, up to its limit: that is
+        worked out when the program has no need to wait for it.
 
     Returns
     -------
     Watched or None
         The watched call; None where nobody watches.
     """
-    watched = CURRENT.get()
+    watched = CURRENT.watched
     if watched is not None:
-        watched.facts = (
-            n_inliers,
-            n_samples,
-            sample_size,
-            confidence,
-            trials,
-            max_trials,
-            sampling,
-            chance,
+        watched.note(
+            (n_inliers, n_samples, sample_size, confidence, trials, max_trials, sampling, chance)
         )
-        if watched.first is None:
-            watched.first = watched.facts
     return watched

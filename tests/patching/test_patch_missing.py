@@ -13,7 +13,7 @@ from ransac_fix import approximate_required_trials, required_trials, success_pro
 from ransac_fix.errors import RansacFixError, RansacFixWarning
 from ransac_fix.patching import missing
 from ransac_fix.patching.missing import Attempt, Promise, Spare, complete, missing_trials
-from ransac_fix.patching.watching import CURRENT, Watched
+from ransac_fix.patching.watching import Watched, watching
 
 
 @given(
@@ -130,9 +130,6 @@ def test_where_nothing_can_be_raised_the_confidence_is_as_it_was() -> None:
     # Three times what is needed is enough.
     assert missing.raised_confidence(50, 4, 0.9, Spare(0), multiplier=3.0) == 0.9
     for watched in (Watched(exact=False), Watched(exact=True, raising=False)):
-        token = CURRENT.set(watched)
-        try:
+        with watching(watched):
             assert missing.raised_confidence(20, 4, 0.9, Spare(10)) == 0.9
-        finally:
-            CURRENT.reset(token)
     assert missing.raised_confidence(20, 4, 0.9, Spare(10)) > 0.9

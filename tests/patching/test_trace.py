@@ -19,7 +19,16 @@ from sklearn.linear_model import RANSACRegressor
 import ransac_fix
 from ransac_fix.criterion import approximate_required_trials, required_trials, success_probability
 from ransac_fix.patching import recorder as recorder_module
-from ransac_fix.patching.calls import Raw, Record, Spread, Tally, judge
+from ransac_fix.patching.calls import (
+    Raw,
+    Record,
+    Spread,
+    Tally,
+    described,
+    judge,
+    packed,
+    unpacked,
+)
 from ransac_fix.patching.recorder import Recorder, merge
 from ransac_fix.patching.summary import CallSite, TraceReport
 
@@ -268,7 +277,51 @@ def _record(trials: float = 10, **changes: Any) -> Record:
 
 def _raw(trials: float = 10) -> Raw:
     facts = (5, 20, 3, 0.9, float(trials), 100.0, "distinct", None)
-    return facts, 0.5, False, False, False, 0.0  # type: ignore[return-value]
+    return facts, 0.5, False, False, 0.0  # type: ignore[return-value]
+
+
+@given(
+    st.none()
+    | st.tuples(
+        st.integers(0, 10**6),
+        st.integers(1, 10**6),
+        st.integers(1, 10),
+        st.floats(0, 1),
+        st.none() | st.floats(0, allow_infinity=True),
+        st.floats(0, allow_infinity=True),
+        st.sampled_from(["distinct", "replacement"]),
+        st.none() | st.floats(0, 1),
+    ),
+    st.floats(0, 1e6),
+    st.booleans(),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_call_is_read_as_it_was_written(
+    facts: Any, seconds: float, patched: bool, failed: bool, site: int
+) -> None:
+    raw = facts, seconds, patched, failed, 0.1
+    assert unpacked(b"head" + packed(site, raw), 4) == (site, raw)
+
+
+def test_numpy_numbers_are_numbers() -> None:
+    facts = (np.int64(5), np.int32(20), 3.0, np.float32(0.5), np.int64(9), np.float64(100))
+    raw: Any = ((*facts, "distinct", np.float64(0.25)), 0.5, False, False, 0.0)
+    record = described(unpacked(packed(0, raw), 0)[1], False)
+    assert record == described(raw, False)
+    assert json.loads(json.dumps(record))[4:10] == [5, 20, 3, 0.5, 9, 100]
+
+
+@pytest.mark.parametrize(
+    ("exact", "patched", "trials"), [(False, False, 49), (True, False, 56), (False, True, 56)]
+)
+def test_trials_that_were_not_counted_are_what_the_rule_asks_for(
+    exact: bool, patched: bool, trials: int
+) -> None:
+    facts: Any = (6, 20, 2, 0.99, None, 1000, "distinct", None)
+    assert described((facts, 0.5, patched, False, 0.0), exact).trials == trials
+    capped = described(((*facts[:5], 30, *facts[6:]), 0.5, patched, False, 0.0), exact)
+    assert (capped.trials, capped.bound) == (30, "cap")
 
 
 def test_many_calls_take_no_more_memory_than_few() -> None:
@@ -314,11 +367,11 @@ def test_what_a_killed_process_wrote_is_read(
     for trials in range(1, 101):
         writer.add(key, _raw(trials))
     writer.leave_out("acme", "no reason")
-    (lines,) = tmp_path.glob("*.lines")
-    written = lines.read_bytes().rstrip(b"\0")
-    with lines.open("r+b") as file:
-        file.seek(len(written))
-        file.write(b'["call", ["opencv", "findHo')  # cut off
+    (entries,) = tmp_path.glob("*.entries")
+    written = entries.read_bytes().rindex(b'"no reason"]') + len(b'"no reason"]')
+    with entries.open("r+b") as file:
+        file.seek(written + 1)  # without the first byte: cut off
+        file.write(packed(0, _raw()))
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 20_000
     reader = Recorder(str(tmp_path), write=False)
     assert set(merge(reader)) == {reader.name, writer.name}
