@@ -145,7 +145,6 @@ def _wrap(module: Any, original: Callable[..., Any], estimator: _Estimator) -> C
             Attempt(result, n_inliers, trials),
             Promise(n_samples, k, confidence, limit),
             run,
-            lambda new, best: count(new) > count(best),
         )
 
     return exact

@@ -1,13 +1,11 @@
 """Graph-Cut RANSAC, through pygcransac: four estimators, with uniform samples.
 
 The rule is compiled in and assumes p**k, so the functions are wrapped: see
-`ransac_fix.patching.missing`. The missing trials are asked for as both bounds on trials. There is
-no seed, so they are fresh samples.
+`ransac_fix.patching.wrapping`.
 
-An inlier of the rule, and of the mask, lies within one and a half thresholds of the model. How many
-trials were run pygcransac does not say: they are what its rule asks for with the final model. Nor
-does it return its score: the model with the smaller sum of squared residuals, truncated there, is
-kept.
+An inlier of the rule, and of the mask, lies within one and a half thresholds of the model.
+pygcransac does not return its score: the model with the smaller sum of squared residuals, truncated
+there, is kept.
 
 Passed through untouched: samplers other than the uniform one, ``sampler=0`` (the default is 1,
 PROSAC), and minimal solvers other than the first, which take samples of another kind.
@@ -30,14 +28,8 @@ from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching import residuals
 from ransac_fix.patching.docstrings import documented_functions
 from ransac_fix.patching.interface import LibraryPatch, Replacement
-from ransac_fix.patching.missing import (
-    Attempt,
-    Promise,
-    complete,
-    missing_trials,
-    own_function,
-    slack,
-)
+from ransac_fix.patching.missing import own_function
+from ransac_fix.patching.wrapping import Settings, floored
 
 if TYPE_CHECKING:
     import numpy as np
@@ -120,45 +112,29 @@ def _wrap(
     original: Callable[..., Any], estimator: _Estimator, defaults: dict[str, Any]
 ) -> Callable[..., Any]:
     """Return the exact estimator."""
-    k = estimator.sample_size
-    names = tuple(defaults)
 
-    def exact(*args: Any, **kwargs: Any) -> Any:
-        result = original(*args, **kwargs)
-        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
+    def is_ours(settings: Settings) -> bool:
         solver = settings.get("solver", _FIRST_SOLVER)
-        n_samples = len(settings[estimator.points])
-        if settings["sampler"] != _UNIFORM or solver != _FIRST_SOLVER or n_samples <= k:
-            return result
-        threshold, confidence = settings["threshold"], settings["conf"]
+        return bool(settings["sampler"] == _UNIFORM and solver == _FIRST_SOLVER)
 
-        def attempt(found: Any, least: int, most: int) -> Attempt[Any]:
-            # A model of no more inliers than a sample is not returned, but ends the run.
-            n_inliers = k if found[0] is None else int(found[1].sum())
-            rule = _rule(n_inliers, n_samples, k, confidence)
-            return Attempt(found, n_inliers, max(min(rule, most), least, 1))
+    def count(_settings: Settings, found: Any) -> int:
+        # A model of no more inliers than a sample is not returned, but ends the run.
+        return estimator.sample_size if found[0] is None else int(found[1].sum())
 
-        limit = settings["max_iters"]
-        first = attempt(result, settings["min_iters"], limit)
-        if not missing_trials(
-            first.n_inliers, n_samples, k, confidence, first.trials, limit, slack()
-        ):
-            return result
+    def loss(settings: Settings, found: Any) -> float:
+        squares = estimator.squares(settings, found[0]) / settings["threshold"] ** 2
+        return float(squares.clip(max=_TRUNCATION).sum())
 
-        def run(trials: int, _round: int) -> Attempt[Any]:
-            both = {"min_iters": trials, "max_iters": trials}
-            return attempt(original(**{**settings, **both}), trials, trials)
-
-        def loss(found: Any) -> float:
-            if found[0] is None:
-                return math.inf
-            squares = estimator.squares(settings, found[0]) / threshold**2
-            return float(squares.clip(max=_TRUNCATION).sum())
-
-        promise = Promise(n_samples, k, confidence, limit)
-        return complete(first, promise, run, lambda new, best: loss(new) < loss(best))
-
-    return exact
+    return floored(
+        original,
+        defaults,
+        estimator.sample_size,
+        points=estimator.points,
+        is_ours=is_ours,
+        count=count,
+        rule=_rule,
+        loss=loss,
+    )
 
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:

@@ -1,7 +1,7 @@
 """kornia-rs: `homography`, `fundamental` (eight points) and `essential` in `kornia_rs.ransac`.
 
 The rule is compiled in and assumes p**k, so the functions are wrapped: see
-`ransac_fix.patching.missing`. They report their iterations. The missing ones are drawn with
+`ransac_fix.patching.wrapping`. They report their iterations. The missing ones are drawn with
 another seed and a confidence of 1, which runs all of them; the model with the higher score is
 kept. The score is the number of inliers, which is quicker to read than the list of them. Samples
 are distinct and uniform.
@@ -18,62 +18,33 @@ from typing import Any
 from ransac_fix.criterion import approximate_required_trials, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
-from ransac_fix.patching.missing import (
-    Attempt,
-    Promise,
-    Spare,
-    complete,
-    fresh_seed,
-    missing_trials,
-    own_function,
-    raised_confidence,
-    slack,
-    with_argument,
-)
+from ransac_fix.patching.missing import Spare, own_function
+from ransac_fix.patching.wrapping import seeded
 
 __all__ = ["PATCH"]
 
 _NAMES = ("matches", "threshold", "max_iters", "confidence", "seed")
-_MAX_ITERS, _CONFIDENCE = 1000, 0.999
+_DEFAULTS = {"max_iters": 1000, "confidence": 0.999, "seed": None}
 _SPARE = Spare(1)
 _SAMPLE_SIZES = {"homography": 4, "fundamental": 8, "essential": 5}
 
 
+def _read(result: Any, _n_samples: int, _confidence: float, _limit: float) -> tuple[int, int]:
+    return int(result.score), result.num_iters
+
+
 def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
-
-    def attempt(result: Any) -> Attempt[Any]:
-        return Attempt(result, int(result.score), result.num_iters)
-
-    def exact(*args: Any, **kwargs: Any) -> Any:
-        settings = {**dict(zip(_NAMES, args, strict=False)), **kwargs}
-        confidence = settings.get("confidence", _CONFIDENCE)
-        limit = settings.get("max_iters", _MAX_ITERS)
-        try:
-            n_samples = len(settings["matches"])
-            asked = raised_confidence(n_samples, sample_size, confidence, _SPARE)
-        except (TypeError, KeyError):  # kornia-rs says what is wrong with them
-            return original(*args, **kwargs)
-        if asked != confidence:
-            args, kwargs = with_argument(_NAMES, args, kwargs, "confidence", asked)
-        result = original(*args, **kwargs)
-        first = attempt(result)
-        if n_samples <= sample_size or not missing_trials(
-            first.n_inliers, n_samples, sample_size, confidence, first.trials, limit, slack()
-        ):
-            return result
-
-        def run(trials: int, round_: int) -> Attempt[Any]:
-            seed = settings.get("seed")
-            new = None if seed is None else fresh_seed(seed, round_)
-            return attempt(
-                original(**{**settings, "max_iters": trials, "confidence": 1.0, "seed": new})
-            )
-
-        promise = Promise(n_samples, sample_size, confidence, limit)
-        return complete(first, promise, run, lambda new, best: new.score > best.score)
-
-    return exact
+    return seeded(
+        original,
+        _NAMES,
+        _DEFAULTS,
+        sample_size,
+        points="matches",
+        confidence="confidence",
+        read=_read,
+        spare=_SPARE,
+    )
 
 
 def observe(module: ModuleType) -> tuple[Replacement, ...]:

@@ -1,15 +1,13 @@
 """MAGSAC and MAGSAC++, through pymagsac: four estimators, with uniform samples.
 
 The rule is compiled in and assumes p**k, so the functions are wrapped: see
-`ransac_fix.patching.missing`. The missing trials are asked for as both bounds on trials. There is
-no seed, so they are fresh samples.
+`ransac_fix.patching.wrapping`.
 
 MAGSAC++ has no threshold between inliers and outliers, but its rule has one: it counts what is
 within a pixel of the model, and within ``sigma_th``. So does the promise. The original counts
 within several thresholds up to ``sigma_th`` and takes the mean number of trials, which is no fewer
 than that at ``sigma_th``. The mask is no count of either where ``sigma_th`` is not 1: that of
-homographies reaches to its square. How many trials were run pymagsac does not say: they are
-what its rule asks for with the final model.
+homographies reaches to its square.
 
 pymagsac does not return its score. The model with the smaller loss of MAGSAC++ is kept, which is
 marginalised over the noise as in Barath et al. (CVPR 2020), equation 13 onwards: the integral of
@@ -32,13 +30,7 @@ from typing import TYPE_CHECKING, Any
 from ransac_fix.patching import residuals
 from ransac_fix.patching.docstrings import documented_functions
 from ransac_fix.patching.interface import LibraryPatch, Replacement
-from ransac_fix.patching.missing import (
-    Attempt,
-    Promise,
-    complete,
-    missing_trials,
-    slack,
-)
+from ransac_fix.patching.wrapping import Settings, floored
 
 if TYPE_CHECKING:
     import numpy as np
@@ -167,52 +159,34 @@ def _wrap(
     original: Callable[..., Any], estimator: _Estimator, defaults: dict[str, Any]
 ) -> Callable[..., Any]:
     """Return the exact estimator."""
-    k = estimator.sample_size
-    names = tuple(defaults)
 
-    def exact(*args: Any, **kwargs: Any) -> Any:
-        result = original(*args, **kwargs)
-        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
-        n_samples = len(result[1])
-        if settings["sampler"] != _UNIFORM or n_samples <= k:
-            return result
-        threshold, confidence = settings["sigma_th"], settings["conf"]
-        near = threshold
-        if settings["use_magsac_plus_plus"]:
-            near = min(threshold, _REFERENCE_THRESHOLD)
-        is_mask = near == threshold and (near == 1.0 or not estimator.squared_mask)
+    def is_ours(settings: Settings) -> bool:
+        return bool(settings["sampler"] == _UNIFORM)
 
-        def attempt(found: Any, confidence: float, least: int, most: int) -> Attempt[Any]:
-            if found[0] is None:
-                n_inliers = 0
-            elif is_mask:
-                n_inliers = int(found[1].sum())
-            else:
-                squares = estimator.squares(settings, found[0], False)
-                n_inliers = int((squares <= near**2).sum())
-            rule = _rule(n_inliers, n_samples, k, confidence)
-            return Attempt(found, n_inliers, max(min(rule, most), least, 1))
+    def count(settings: Settings, found: Any) -> int:
+        if found[0] is None:
+            return 0
+        near = settings["sigma_th"]
+        is_mask = not estimator.squared_mask or near == 1.0
+        if settings["use_magsac_plus_plus"] and near > _REFERENCE_THRESHOLD:
+            near, is_mask = _REFERENCE_THRESHOLD, False
+        if is_mask:
+            return int(found[1].sum())
+        return int((estimator.squares(settings, found[0], False) <= near**2).sum())
 
-        limit = settings["max_iters"]
-        first = attempt(result, confidence, settings["min_iters"], limit)
-        if not missing_trials(
-            first.n_inliers, n_samples, k, confidence, first.trials, limit, slack()
-        ):
-            return result
+    def loss(settings: Settings, found: Any) -> float:
+        return _loss(estimator.squares(settings, found[0], True), settings["sigma_th"])
 
-        def run(trials: int, _round: int) -> Attempt[Any]:
-            both = {"min_iters": trials, "max_iters": trials}
-            return attempt(original(**{**settings, **both}), confidence, trials, trials)
-
-        def loss(found: Any) -> float:
-            if found[0] is None:
-                return math.inf
-            return _loss(estimator.squares(settings, found[0], True), threshold)
-
-        promise = Promise(n_samples, k, confidence, limit)
-        return complete(first, promise, run, lambda new, best: loss(new) < loss(best))
-
-    return exact
+    return floored(
+        original,
+        defaults,
+        estimator.sample_size,
+        points="correspondences",
+        is_ours=is_ours,
+        count=count,
+        rule=_rule,
+        loss=loss,
+    )
 
 
 def plan(module: ModuleType) -> tuple[Replacement, ...]:

@@ -153,7 +153,6 @@ def _wrap_segment_plane(
             Attempt(result, n_inliers, trials),
             Promise(n_samples, k, confidence, limit),
             run,
-            lambda new, best: len(new[1]) > len(best[1]),
         )
 
     return exact

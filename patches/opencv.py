@@ -137,7 +137,6 @@ class _Call:
     first_inliers: int = field(default=0)
 
 
-@lru_cache(maxsize=8192)
 def _trials(
     kind: str, n_inliers: int, n_samples: int, sample_size: int, confidence: float, limit: float
 ) -> float:
@@ -420,7 +419,9 @@ def _guess(form: _Form, args: Result, kwargs: Bound) -> Bound:
 def _rows(points: Any, n_samples: int, columns: int) -> "NDArray[np.float64]":
     import numpy as np
 
-    rows = np.moveaxis(np.asarray(points, dtype=np.float64), points.shape.index(n_samples), 0)
+    rows, axis = np.asarray(points, dtype=np.float64), points.shape.index(n_samples)
+    if axis > 0:
+        rows = np.moveaxis(rows, axis, 0)
     return rows.reshape(n_samples, -1)[:, :columns]
 
 

@@ -139,25 +139,17 @@ def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., 
         except (TypeError, AttributeError, LookupError):  # PoseLib says what is wrong with them
             asked = {}
         result = call({**options, **asked}, args, kwargs) if asked else original(*args, **kwargs)
-        first = _attempt(result, estimator)
+        n_inliers, n_samples, trials, chance = _read(result, estimator)
         if (
-            first.n_samples <= k
+            n_samples <= k
             or options.get("progressive_sampling")
             or _is_untouched(args, kwargs, estimator)
         ):
             return result
         confidence = options.get("success_prob", _CONFIDENCE)
         limit = options.get("max_iterations", _MAX_ITERATIONS)
-        promise = Promise(first.n_samples, k, confidence, limit)
         if not missing_trials(
-            first.n_inliers,
-            first.n_samples,
-            k,
-            confidence,
-            first.trials,
-            limit,
-            slack(),
-            chance=first.chance,
+            n_inliers, n_samples, k, confidence, trials, limit, slack(), chance=chance
         ):
             return result
 
@@ -168,9 +160,16 @@ def _wrap(original: Callable[..., Any], estimator: _Estimator) -> Callable[..., 
                 "max_iterations": trials,
                 "seed": fresh_seed(int(options.get("seed", _SEED)), round_),
             }
-            return _attempt(call(settings, args, kwargs), estimator)
+            again = call(settings, args, kwargs)
+            n_inliers, _, ran, chance = _read(again, estimator)
+            return Attempt(again, n_inliers, ran, chance)
 
-        return complete(first, promise, run, _is_better)
+        return complete(
+            Attempt(result, n_inliers, trials, chance),
+            Promise(n_samples, k, confidence, limit),
+            run,
+            _is_better,
+        )
 
     return exact
 
@@ -209,23 +208,17 @@ def _asked(
     return {} if raised == confidence else {"success_prob": raised}
 
 
-@dataclass(frozen=True, slots=True)
-class _Counted(Attempt[Result]):
-    """A run, with the number of measurements that PoseLib counts."""
-
-    n_samples: int = 0
-
-
-def _attempt(result: Result, estimator: _Estimator) -> _Counted:
+def _read(result: Result, estimator: _Estimator) -> tuple[int, int, int, float | None]:
+    """Return inliers, measurements and iterations of a run, and the chance of its samples."""
     info = result[1]
     inliers = info["inliers"]
-    n_inliers, n_samples = info["num_inliers"], len(inliers)
+    n_samples = len(inliers)
     chance = None
     if estimator.chance is not None:
         chance = estimator.chance([(sum(group), len(group)) for group in inliers])
         n_samples = sum(map(len, inliers))
     n_samples += len(info.get("inliers_lines", ()))
-    return _Counted(result, n_inliers, info["iterations"], chance, n_samples)
+    return info["num_inliers"], n_samples, info["iterations"], chance
 
 
 def _is_better(new: Result, best: Result) -> bool:

@@ -4,14 +4,13 @@ The rule has the exact form, but takes the number of inliers plus one: it promis
 model was missed, and stops at up to (I + 1 - k) / (I + 1) of the trials after which none of the
 same size was. Here all rules are judged by the latter. Samples are distinct and uniform.
 
-The rule is compiled in, so the functions are wrapped: see `ransac_fix.patching.missing`. The
+The rule is compiled in, so the functions are wrapped: see `ransac_fix.patching.wrapping`. The
 missing trials are drawn with another seed and a confidence of 1, which runs all of them; the
 model with more inliers is kept. Releases without a seed are refused: what cannot be repeated
 cannot be checked.
 """
 
 import inspect
-import os
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -20,22 +19,10 @@ from ransac_fix.criterion import all_inlier_probability, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.behaviour import assumed_probability
 from ransac_fix.patching.interface import LibraryPatch, Replacement
-from ransac_fix.patching.missing import (
-    Attempt,
-    Promise,
-    Spare,
-    complete,
-    fresh_seed,
-    missing_trials,
-    own_function,
-    raised_confidence,
-    slack,
-    with_argument,
-)
+from ransac_fix.patching.missing import Spare, own_function
+from ransac_fix.patching.wrapping import seeded
 
 __all__ = ["PATCH"]
-
-Result = tuple[Any, Any]
 
 _SAMPLE_SIZES = {"findHomography": 4, "findFundamentalMatrix": 7}
 # What the rule never exceeds.
@@ -69,49 +56,24 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
     """Return the exact function."""
     from numpy import count_nonzero  # a third of the time of `sum`
 
+    def read(
+        result: tuple[Any, Any], n_samples: int, confidence: float, limit: float
+    ) -> tuple[int, float]:
+        n_inliers = int(count_nonzero(result[1]))
+        return n_inliers, _trials(n_inliers, n_samples, sample_size, confidence, limit)
+
     parameters = inspect.signature(original).parameters
-    names = tuple(parameters)
-    defaults = {name: parameter.default for name, parameter in parameters.items()}
-
-    def exact(*args: Any, **kwargs: Any) -> Any:
-        settings = {**defaults, **dict(zip(names, args, strict=False)), **kwargs}
-        confidence, limit = settings["conf"], settings["max_iters"]
-        try:
-            n_samples = len(settings["pts1_"])
-            asked = raised_confidence(n_samples, sample_size, confidence, _SPARE, assumed=_assumed)
-        except TypeError:  # pydegensac says what is wrong with them
-            return original(*args, **kwargs)
-        if asked != confidence:
-            args, kwargs = with_argument(names, args, kwargs, "conf", asked)
-        result = original(*args, **kwargs)
-        if n_samples <= sample_size:
-            return result
-
-        def attempt(found: Result, confidence: float, limit: float) -> Attempt[Result]:
-            n_inliers = int(count_nonzero(found[1]))
-            trials = _trials(n_inliers, n_samples, sample_size, confidence, limit)
-            return Attempt(found, n_inliers, trials)
-
-        def is_better(new: Result, best: Result) -> bool:
-            return bool(count_nonzero(new[1]) > count_nonzero(best[1]))
-
-        first = attempt(result, asked, limit)
-        promise = Promise(n_samples, sample_size, confidence, limit)
-        if not missing_trials(
-            first.n_inliers, n_samples, sample_size, confidence, first.trials, limit, slack()
-        ):
-            return result
-
-        def run(trials: int, round_: int) -> Attempt[Result]:
-            seed = settings["seed"]
-            # Without a seed there is nothing to repeat.
-            new = int.from_bytes(os.urandom(3)) if seed < 0 else fresh_seed(seed, round_)
-            changes = {"conf": 1.0, "max_iters": trials, "seed": new}
-            return attempt(original(**{**settings, **changes}), 1.0, trials)
-
-        return complete(first, promise, run, is_better)
-
-    return exact
+    return seeded(
+        original,
+        tuple(parameters),
+        {name: parameter.default for name, parameter in parameters.items()},
+        sample_size,
+        points="pts1_",
+        confidence="conf",
+        read=read,
+        spare=_SPARE,
+        assumed=_assumed,
+    )
 
 
 def observe(module: ModuleType) -> tuple[Replacement, ...]:

@@ -73,7 +73,7 @@ def _wrap(module: Any, original: Callable[..., Any], sample_size: int) -> Callab
             return _attempt(original(settings, kind, measurements))
 
         promise = Promise(n_samples, sample_size, confidence, limit)
-        return complete(first, promise, run, _is_better)
+        return complete(first, promise, run)
 
     return exact
 
@@ -82,10 +82,6 @@ def _attempt(result: Any) -> Attempt[Any]:
     summary = result[-1]
     n_inliers = len(summary.inliers) if result[0] else 0
     return Attempt(result, n_inliers, summary.num_iterations)
-
-
-def _is_better(new: Any, best: Any) -> bool:
-    return bool(new[0]) and (not best[0] or len(new[-1].inliers) > len(best[-1].inliers))
 
 
 def _copy(module: Any, parameters: Any) -> Any:

@@ -232,6 +232,14 @@ def all_inlier_probability(
     ValueError
         If an argument is not of its kind or out of range; the message names it.
     """
+    # The path of nearly every call, as in `required_trials`.
+    if (
+        sampling is _DISTINCT
+        and type(n_inliers) is type(n_samples) is type(sample_size) is int
+        and 0 <= n_inliers <= n_samples
+        and 1 <= sample_size <= n_samples
+    ):
+        return comb(n_inliers, sample_size) / comb(n_samples, sample_size)
     numerator, denominator = _exact_ratio(*_counts(n_inliers, n_samples, sample_size), sampling)
     return numerator / denominator
 
@@ -440,6 +448,8 @@ def _float(value: Fraction) -> float:
 
 def _count(value: object, name: str) -> int:
     """Return `value` as an int if it is a whole number of any numeric kind."""
+    if type(value) is int:  # of the abstract kinds it takes ten times as long to ask
+        return value
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Rational):

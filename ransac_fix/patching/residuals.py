@@ -68,5 +68,5 @@ def _epipolar(x: Any, y: Any, model: Any) -> tuple[Any, Any, Any]:
 def _defined(squares: Any) -> "Squares":
     import numpy as np
 
-    found: Squares = np.nan_to_num(squares, nan=np.inf)
+    found: Squares = np.where(np.isnan(squares), np.inf, squares)
     return found
