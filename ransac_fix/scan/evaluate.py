@@ -1292,10 +1292,8 @@ def _is_complement(expr: Expr) -> bool:
 
 
 def _is_power(expr: Expr) -> bool:
-    match _unwrap(expr):
-        case Op(op="pow") | Fn(name="exp"):
-            return True
-    return False
+    expr = _unwrap(expr)
+    return isinstance(expr, Op) and expr.op == "pow"
 
 
 def _multiplies(function: Expr) -> bool:

@@ -234,32 +234,30 @@ def _inverse(candidate: Candidate) -> _Reading | None:
     assert isinstance(candidate.expr, Op)
     for root, samples in (candidate.expr.args, candidate.expr.args[::-1]):
         for outer in islice(algebra.readings(root), _WAYS):
-            for rooted, size in _rooted(outer):
-                for inside in islice(algebra.complement(rooted), _WAYS):
-                    for inner in islice(algebra.readings(inside), _WAYS):
-                        for miss, trials in _rooted(inner):
-                            confidence = next(algebra.complement(miss), miss)
-                            probability = Probability(
-                                "approximate", exponent=size, n_samples=samples
-                            )
-                            return _Reading(probability, outer, confidence, trials)
+            size = _rooted(outer)
+            if size is None or not isinstance(outer, Op):
+                continue
+            for inside in islice(algebra.complement(outer.args[0]), _WAYS):
+                for inner in islice(algebra.readings(inside), _WAYS):
+                    trials = _rooted(inner)
+                    if trials is None or not isinstance(inner, Op):
+                        continue
+                    miss = inner.args[0]
+                    confidence = next(algebra.complement(miss), miss)
+                    probability = Probability("approximate", exponent=size, n_samples=samples)
+                    return _Reading(probability, outer, confidence, trials)
     return None
 
 
-def _rooted(expr: Expr) -> Iterator[tuple[Expr, Expr]]:
-    """Yield x and k of x ** (1/k), or of exp(log(x) / k)."""
-    match expr:
-        case Op(op="pow", args=(base, power)):
-            for exponent in islice(algebra.readings(power), _WAYS):
-                match exponent:
-                    case Op(op="div", args=(one, size)) if algebra.number(one) == 1.0:
-                        yield base, size
-        case Fn(name="exp", args=(power, *_)):
-            for exponent in islice(algebra.readings(power), _WAYS):
-                match exponent:
-                    case Op(op="div", args=(log, size)):
-                        for base in islice(algebra.log_arguments(log), _WAYS):
-                            yield base, size
+def _rooted(expr: Expr) -> Expr | None:
+    """Give k of x ** (1/k)."""
+    if not (isinstance(expr, Op) and expr.op == "pow"):
+        return None
+    for exponent in islice(algebra.readings(expr.args[1]), _WAYS):
+        match exponent:
+            case Op(op="div", args=(one, size)) if algebra.number(one) == 1.0:
+                return size
+    return None
 
 
 def _called_with(kind: str, group: Sequence[Candidate]) -> tuple[Probability, ...]:

@@ -95,12 +95,6 @@ int Run(double s) {
   return i;
 }
 """,
-    "solved for the inliers by exponentials": """
-double Unseen(int n, int k, int trials, double s) {
-  const double miss = std::exp(std::log(1 - s) / trials);
-  return n * std::exp(std::log(1 - miss) / k);
-}
-""",
     "a logarithm by its name": """
 int Trials(double w) { return m_logEta / std::log(1 - std::pow(w, 3)); }
 """,
@@ -511,6 +505,21 @@ def test_names_the_roles_and_the_place():
     assert finding.roles["n_inliers"] == "best"
     assert finding.roles["n_samples"] == "total"
     assert finding.roles["sample_size"] == "selection.size()"
+
+
+@pytest.mark.parametrize("word", ["nInliners", "Vanishing Point", "fundamental_matrix", "InLier"])
+def test_words_are_known_in_any_spelling(word):
+    source = f"int Trials(double w, double s) {{ return log(1 - s) / log(1 - w * w); }} // {word}"
+    (finding,), _ = scan_source(source, SourceFile("a.cpp", "c++", named=False))
+    assert finding.code in ("RFX001", "RFX002")
+
+
+def test_words_are_not_found_across_others():
+    source = (
+        "int Trials(double w, double s) { return log(1 - s) / log(1 - w * w); } // itemsAccount"
+    )
+    found, _ = scan_source(source, SourceFile("a.cpp", "c++", named=True))
+    assert not found
 
 
 def test_columns_count_characters():
