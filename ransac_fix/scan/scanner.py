@@ -28,6 +28,7 @@ from ransac_fix.scan.rules import (
     Rule,
     ScannedFile,
     Settings,
+    all_rules,
     default_codes,
     default_rules,
 )
@@ -318,7 +319,10 @@ def check(
     kept, suppressed, unused = apply(found, suppressions(comments))
     # A comment for a rule that was not checked may well be needed.
     codes = {rule.code for rule in chosen}
-    unused = [one for one in unused if codes.issuperset(one.codes or default_codes())]
+    known = {rule.code for rule in all_rules()}
+    unused = [
+        one for one in unused if codes >= (known & {*one.codes} if one.codes else default_codes())
+    ]
     for rule in chosen:
         kept += rule.check_unused(unused, scanned)
     return sorted((*kept, *suppressed), key=_order)

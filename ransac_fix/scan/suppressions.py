@@ -14,7 +14,7 @@ from ransac_fix.scan.findings import Finding
 from ransac_fix.scan.form import Span
 
 _IGNORE = re.compile(
-    r"ransac-fix:\s*ignore(?:\[(?P<codes>[\w\s,]*)\])?(?:\s*--\s*(?P<reason>.*\S))?"
+    r"ransac-fix:\s*ignore(?:\[(?P<codes>[^\]]*)\]|(?!\[))(?:\s*--\s*(?P<reason>.*\S))?"
 )
 _NOQA = re.compile(r"noqa\s*:\s*(?P<codes>[A-Z]+[0-9]+(?:[,\s]+[A-Z]+[0-9]+)*)", re.IGNORECASE)
 
@@ -79,7 +79,8 @@ def suppressions(comments: Iterable[Comment]) -> list[Suppression]:
     for comment in comments:
         own = _IGNORE.search(comment.text)
         if own:
-            codes = tuple(re.findall(r"\w+", own["codes"] or ""))
+            # What is no code sets nothing aside, and is reported as unused.
+            codes = tuple(code.upper() for code in re.findall(r"[^\s,]+", own["codes"] or ""))
             reason = own["reason"] or ""
             found.append(Suppression(codes, reason, comment.span, comment.first_line))
             continue

@@ -172,11 +172,22 @@ def test_a_comment_sets_a_finding_aside(rule):
         ("# ransac-fix: ignore", 0),
         ("# noqa", 1),
         ("# ransac-fix: ignore[RFX003]", 1),
+        ("# ransac-fix: ignore[rfx001]", 0),
+        ("# ransac-fix: ignore[approximate-trial-budget]", 1),
+        ("# ransac-fix: ignore[RFX001 -- no bracket", 1),
     ],
 )
 def test_comments_that_set_aside(rule, comment, code):
     rule.write_text(SUPPRESSED.replace("# ransac-fix: ignore[RFX001] -- as published", comment))
     run(rule, "--select", "RFX001", code=code)
+
+
+@pytest.mark.parametrize("codes", ["RFX999", "FOO", "approximate-stopping-rule"])
+def test_a_comment_for_no_rule_is_reported(rule, codes):
+    rule.write_text(SUPPRESSED.replace("RFX001", codes))
+    text = run(rule, "--output-format", "concise", code=1)
+    assert f"RFX901 nothing on this line breaks {codes.upper()}: " in text
+    assert "RFX001" in text
 
 
 def test_a_comment_in_a_string_sets_nothing_aside(rule):
