@@ -298,6 +298,8 @@ def _file_and_format(text: str) -> tuple[str, str]:
             f"{text!r} is not FORMAT:FILE; the formats are {', '.join(_FORMATS)}",
             param_hint="--output",
         )
+    if not Path(file).absolute().parent.is_dir():
+        raise click.BadParameter(f"there is no folder for {file}", param_hint="--output")
     return file, name
 
 
@@ -325,7 +327,10 @@ def _complain(surprises: "Surprises", *, versions: bool = False) -> int:
     for unmet in surprises.unmet:
         line = f"expected but not seen: {unmet.name}: {unmet.verdict}"
         click.echo(line, err=True)
-    return _EXIT_UNDERSAMPLES if surprises.unexpected or surprises.unmet else 0
+    if surprises.unexpected or surprises.unmet:
+        return _EXIT_UNDERSAMPLES
+    click.echo("everything is as expected", err=True)
+    return 0
 
 
 class _Progress:

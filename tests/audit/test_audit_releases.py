@@ -1,5 +1,6 @@
 """Releases that are not installed: real environments of a small library."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -231,6 +232,22 @@ def test_releases_are_listed_without_pre_releases(small, tmp_path):
     assert found.versions("smallransac", pre=True)[-1] == "2.1rc1"
     with pytest.raises(RansacFixError, match="the index has nothing for CPython 3"):
         found.versions("no-such-distribution")
+
+
+def test_an_index_that_does_not_answer_is_not_an_empty_one(monkeypatch):
+    monkeypatch.delenv("PIP_NO_INDEX", raising=False)
+    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
+    monkeypatch.setenv("PIP_RETRIES", "1")
+    with pytest.raises(RansacFixError, match="numpy: the index cannot be reached: "):
+        packages.Packages(sys.executable).versions("numpy")
+
+
+def test_a_range_without_releases_is_an_error(small, tmp_path):
+    asked = replace(ASKED, versions=(), specifier=">3")
+    with pytest.raises(RansacFixError, match=r"smallransac>3: the index has 1\.0 to 2\.0"):
+        find_changes([asked], options(tmp_path))
 
 
 def test_a_constraint_is_obeyed(small, tmp_path):

@@ -245,11 +245,13 @@ class _Bench:
         if asked.versions:
             return sorted(asked.versions, key=Version)
         admitted = SpecifierSet(asked.specifier, prereleases=True)
-        return [
-            version
-            for version in self._packages.versions(asked.distribution, pre=self._options.pre)
-            if version in admitted
-        ]
+        found = self._packages.versions(asked.distribution, pre=self._options.pre)
+        chosen = [version for version in found if version in admitted]
+        if not chosen:
+            raise RansacFixError(
+                f"{asked.distribution}{asked.specifier}: the index has {found[0]} to {found[-1]}"
+            )
+        return chosen
 
     def measure(self, asked: Asked, version: str) -> Release:
         """Measure one release, or look up what was measured of it."""

@@ -95,6 +95,8 @@ class Packages:
     def _listed(self, distribution: str, *options: str) -> list[str]:
         done = self._run_pip(["index", "versions", "--json", distribution, *options])
         if done.returncode:
+            if _unreachable(done.stderr):
+                raise RansacFixError(f"{distribution}: {_unreachable(done.stderr)}")
             if "No matching distribution found" in done.stderr:
                 raise RansacFixError(f"{distribution}: the index has nothing for {self._where}")
             raise RansacFixError(f"{distribution}: {_last_error(done.stderr)}")
@@ -169,6 +171,8 @@ class Packages:
     def _why_not(self, stderr: str, requirement: str) -> str:
         """Say in one line why pip found no environment."""
         name, _, version = requirement.partition("==")
+        if _unreachable(stderr):
+            return _unreachable(stderr)
         missing = re.search(r"No matching distribution found for ([^\n]+)", stderr)
         if missing is None:
             if "ResolutionImpossible" in stderr:
@@ -234,6 +238,15 @@ def _wheel(installed: dict[str, Any]) -> Wheel:
     metadata = installed["metadata"]
     hashes = download["archive_info"].get("hashes", {})
     return Wheel(metadata["name"], metadata["version"], file, hashes.get("sha256"))
+
+
+def _unreachable(said: str) -> str:
+    """Say that the index did not answer; nothing where it did. To pip it is an empty index then."""
+    last = re.search(r"Retry\(total=0,.*connection broken by (.*)", said)
+    if last is None:
+        return ""
+    why = re.search(r"\[Errno -?\d+\] ([\w ]+)", last[1])
+    return f"the index cannot be reached{f': {why[1]}' if why else ''}"
 
 
 def _last_error(said: str) -> str:
