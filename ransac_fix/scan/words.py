@@ -30,7 +30,7 @@ _STRONG = re.compile(
             for spelling in (word, word.upper(), word.capitalize(), word.title())
         )
     )
-    + "|RanSaC|RanSac|MSaC|InLier|OutLier"
+    + "|RanSaC|RanSac|MSaC|LMedS|InLier|OutLier"
 )
 WORDS = tuple(word.encode() for word in (*_STRONG_WORDS, *_WEAK_WORDS))
 _OTHER = re.compile(

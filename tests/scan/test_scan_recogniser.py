@@ -521,6 +521,18 @@ def test_words_raise_and_lower_the_certainty(where, certainty):
     assert found.certainty == certainty
 
 
+@pytest.mark.parametrize(
+    ("comment", "certainty"),
+    [("LMedS", "medium"), ("MAGSAC", "medium"), ("a vanishing point", "low"), ("lidar", None)],
+)
+def test_kin_of_ransac_and_problems_it_solves_speak_for_it(comment, certainty):
+    source = (
+        f"from math import log\n# {comment}\ndef f(w, k, s): return log(1 - s) / log(1 - w**k)\n"
+    )
+    (found,) = sites(source, "a.py")
+    assert found.certainty == certainty
+
+
 def test_counts_make_no_rule_adaptive_that_only_bounds_a_later_loop():
     source = """
 from math import ceil, log
