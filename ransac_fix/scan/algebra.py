@@ -680,7 +680,7 @@ def _stands_for_log(expr: Expr) -> bool:
         case Name():
             return True  # worked out elsewhere: a parameter, an attribute
         case Num(value=value):
-            return 0.1 < abs(value) < 60.0
+            return 0.1 < abs(value) < 60.0 and abs(value) != 1.0  # not 1 / log(...), a factor
         case Fn(name=name):
             return name.startswith("?log")
         case Op(op="add" | "sub"):

@@ -314,6 +314,9 @@ WHOLE = {
     "nested function": (
         "def f(w, k):\n    def g(s):\n        return log(1 - s) / log(1 - w**k)\n    return g(0.99)"
     ),
+    "a factor worked out before": (
+        "def f(w, k, s):\n    factor = 1.0 / log(1 - w**k)\n    return log(1 - s) * factor"
+    ),
     "a type of an unknown module": (
         "from decimal import Decimal\n"
         "def f(w, k, s): return (Decimal(1) - s).ln() / (Decimal(1) - Decimal(w) ** k).ln()"
