@@ -80,8 +80,10 @@ def rule_trials(law: StoppingLaw, strata: Strata, confidence: float) -> int:
     if probability <= 0 or confidence >= 1:
         return _ENDLESS
     x = law.multiplier * math.log1p(-confidence) / math.log1p(-probability)
+    if x >= _ENDLESS:
+        return _ENDLESS
     shift = 1.0 if law.phi is None else law.phi[0]
-    return min(_ENDLESS, max(1, math.floor(x + shift)))
+    return max(1, math.floor(x + shift))
 
 
 def _guarantee(

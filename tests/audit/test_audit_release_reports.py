@@ -200,6 +200,9 @@ def test_requests(text, asked):
     [
         ("kornia=0.8", "write for example kornia==0.8.2,0.9.0"),
         ("kornia==0.8,newest", "'newest' is not a version"),
+        ("kornia @ file:///wheels/kornia.whl", "only a name and versions are read"),
+        ("kornia[dev]>=0.8", "only a name and versions are read"),
+        ("kornia>=0.8; python_version<'4'", "only a name and versions are read"),
         ("kornja", "unknown system 'kornja'"),
         ("vsac", "there is no probe for vsac"),
     ],
@@ -210,6 +213,19 @@ def test_a_request_that_cannot_be_read_is_one_line(text, message, capsys):
     assert exit_info.value.code == 2
     error = capsys.readouterr().err
     assert message in error
+    assert len(error.splitlines()) == 1
+
+
+@pytest.mark.parametrize("more", [[], ["--keep-environments"]])
+def test_a_cache_that_cannot_be_is_one_line(tmp_path, monkeypatch, capsys, more):
+    monkeypatch.setattr(matrix, "Packages", lambda *_: None)
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(SystemExit) as exit_info:
+        main(["audit", "--matrix", "kornia==0.9.0", "--cache-dir", str(file / "cache"), *more])
+    assert exit_info.value.code == 2
+    error = capsys.readouterr().err
+    assert "cannot be used as cache folder" in error
     assert len(error.splitlines()) == 1
 
 

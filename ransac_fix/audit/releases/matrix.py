@@ -36,6 +36,7 @@ from ransac_fix.systems import find_system
 # The worker's own need.
 _WORKER_NEEDS = "numpy"
 _OLD_NUMPY = "numpy<2"
+_EXAMPLES = "write for example kornia==0.8.2,0.9.0 or kornia>=0.8"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +119,9 @@ def read_request(text: str) -> Asked:
             requirement = Requirement(text)
         except InvalidRequirement as error:
             what = str(error).partition("\n")[0]
-            raise RansacFixError(
-                f"{text!r}: {what}; write for example kornia==0.8.2,0.9.0 or kornia>=0.8"
-            ) from None
+            raise RansacFixError(f"{text!r}: {what}; {_EXAMPLES}") from None
+        if requirement.url or requirement.extras or requirement.marker:
+            raise RansacFixError(f"{text!r}: only a name and versions are read; {_EXAMPLES}")
         name, specifier = requirement.name, str(requirement.specifier)
     system = find_system(name)
     chosen_probes([system.name])
@@ -224,13 +225,19 @@ class _Bench:
     def __enter__(self) -> "_Bench":
         options = self._options
         with ExitStack() as stack:
-            options.cache.mkdir(parents=True, exist_ok=True)
             self._packages = Packages(options.options.python, options.constraint)
-            folder = stack.enter_context(
-                kept_folder(options.cache / "environments")
-                if options.keep_environments
-                else scratch_folder(options.cache, "environments-")
-            )
+            try:
+                options.cache.mkdir(parents=True, exist_ok=True)
+                folder = stack.enter_context(
+                    kept_folder(options.cache / "environments")
+                    if options.keep_environments
+                    else scratch_folder(options.cache, "environments-")
+                )
+            except OSError as error:
+                raise RansacFixError(
+                    f"{options.cache}: cannot be used as cache folder: {error.strerror}; "
+                    "name another with --cache-dir"
+                ) from None
             self._environments = Environments(
                 self._packages, folder, keep=options.keep_environments
             )

@@ -125,7 +125,11 @@ def first_true(predicate: Callable[[int], bool], largest: int) -> int | None:
         if high >= largest:
             return None
         high = min(4 * high, largest)
-    low = 0 if high == 1 else high // 4
+    return _first_between(0 if high == 1 else high // 4, high, predicate)
+
+
+def _first_between(low: int, high: int, predicate: Callable[[int], bool]) -> int:
+    """Smallest t above low for which a monotone predicate holds; it holds for high."""
     while high - low > 1:
         middle = (low + high) // 2
         if predicate(middle):
@@ -152,14 +156,9 @@ def _trial_of_b_after_a(stream: Stream, largest: int) -> int:
         budget = min(2 * budget, largest)
     if not a_seen:
         raise Discarded("no smaller model was seen before the larger one")
-    low, high = budget // 2, budget
-    while high - low > 1:
-        middle = (low + high) // 2
-        if stream.finds_b(middle, LARGEST_CONFIDENCE):
-            high = middle
-        else:
-            low = middle
-    return high
+    return _first_between(
+        budget // 2, budget, lambda trials: stream.finds_b(trials, LARGEST_CONFIDENCE)
+    )
 
 
 def flip_point(stream: Stream, largest: int, smallest: int) -> Measured:
