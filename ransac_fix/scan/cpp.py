@@ -60,7 +60,7 @@ _SAYS_TYPE = re.compile(r"T|FT|RT|Float|Double|\w*(?:Scalar|Real|Type|_type|_t)"
 
 # What a macro needs for it to be read, and what is no part of its value: the mark of a line that
 # goes on, and comments.
-_COMPUTES = re.compile(r"[*/]|\b\w*(?:pow|log|exp)\w*\s*\(|^\(?\s*[-+]?[\d.]+[\w.]*\s*\)?$")
+_COMPUTES = re.compile(r"[*/?]|\b\w*(?:pow|log|exp)\w*\s*\(|^\(?\s*[-+]?[\d.]+[\w.]*\s*\)?$")
 _MARGIN = re.compile(r"\\(?=\r?\n)|/\*[^\n]*?\*/|//[^\n]*")
 
 Node = tree_sitter.Node
@@ -94,6 +94,7 @@ class _Reader:
         self._depth = 0
         self._distributions: set[str] = set()
         self._fields: dict[str, list[str]] = {}
+        self._globals: set[str] = set()
         named = _NAMED_TYPE.findall(source)
         self._types = frozenset(name for pair in named for name in pair if name)
 
@@ -318,7 +319,10 @@ class _Reader:
         listed = [self.text(one) for one in names.named_children if one.type == "identifier"]
         for number, name in enumerate(listed):
             self._declare(name)
-            out.append(form.Assign(name, form.Item(whole, form.Num(float(number)), whole.span)))
+            part: Expr = form.Item(whole, form.Num(float(number)), whole.span)
+            if isinstance(whole, form.Seq) and number < len(whole.items):
+                part = whole.items[number]
+            out.append(form.Assign(name, part))
 
     def _members(self, name: str, kind: str, value: Node, out: list[Stmt]) -> None:
         """Set the members of a struct of this file that is initialised with a list."""
@@ -349,6 +353,8 @@ class _Reader:
     def _declare(self, name: str) -> None:
         if self._locals is not None:
             self._locals.add(name)
+        elif not self._owner:
+            self._globals.add(name)
 
     def _effect(self, node: Node, out: list[Stmt]) -> None:
         match node.type:
@@ -564,8 +570,11 @@ class _Reader:
         match node.type:
             case "identifier":
                 name = self.text(node)
-                if self._locals is not None and name not in self._locals and self._owner:
-                    return f"this.{name}"
+                if self._locals is not None and name not in self._locals:
+                    if self._owner:
+                        return f"this.{name}"
+                    if name in self._globals:
+                        return f"global.{name}"
                 return name
             case "field_identifier":
                 return self.text(node)
@@ -749,7 +758,8 @@ class _Reader:
             if name in self._distributions and not scope:
                 name = "randInt"  # dist(engine) draws one
             if name in _TUPLES:
-                return form.Seq(args, span)
+                names = ("first", "second") if name == "make_pair" else ()
+                return form.Seq(args, span, names)
             if functions.UNARY.get(name) == "same":
                 scope = ""  # cv::saturate_cast<float>(x)
             return form.Call(form.Name(scope) if scope else None, name, args, (), span)

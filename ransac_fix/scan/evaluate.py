@@ -148,7 +148,8 @@ class _Evaluator:
         self._globals = env
         everything = list(functions_of(self._module.body))
         for function in everything:
-            if function.owner and any("." in name for name in _assigned(function.body)):
+            members = function.owner and any("." in name for name in _assigned(function.body))
+            if members or any(name.startswith("global.") for name in _assigned(function.body)):
                 self._walk_function(function)
         # Then every body once more, with those known; a function that is called is walked when
         # it is first called.
@@ -250,12 +251,22 @@ class _Evaluator:
         head, _, tail = target.partition(".")
         if tail and head in ("self", "cls", "this") and self._scope.owner:
             self._attribute(self._scope.owner, tail, value)
+        elif tail and head == "global":
+            self._attribute(head, tail, value)
+
+    def _settle(self, end: Env) -> None:
+        """Keep the products that a method has made of members by its end."""
+        for name, value in end.items():
+            head, _, tail = name.partition(".")
+            made = isinstance(_unwrap(value), Op) and self._has(value, POW)
+            if tail and made and head in ("self", "this", "global"):
+                self._bind(name, value, {})
 
     def _attribute(self, owner: str, name: str, value: Expr) -> None:
         if self._second:
             return  # the first walk has seen them all
         known = self._attributes.setdefault((owner, name), [])
-        if len(known) < _MAX_CHOICES:
+        if len(known) < _MAX_CHOICES and not any(value is one for one in known):
             known.append(value)
 
     def _if(self, stmt: If, env: Env) -> bool:
@@ -414,6 +425,8 @@ class _Evaluator:
         self._loops, self._target, self._call = 0, None, None
         ends = [env] if self._block(function.body, env) else []
         returns = self._scope.returns
+        for end in ends:
+            self._settle(end)
         ends += self._scope.ends or []
         self._scope, self._loops, self._target, self._call = outer
         return returns, parameters, ends
@@ -439,14 +452,16 @@ class _Evaluator:
         self._recording = recording
         value = self._choice(returns)
         value = self._unrolled(function, value) or value
+        references = tuple(one.name for one in function.parameters if one.by_reference)
+        paths = {name for env in ends for name in env if name.partition(".")[0] in references}
         changed = {
-            one.name: self._choice([env[one.name] for env in ends if one.name in env])
-            for one in function.parameters
-            if one.by_reference
+            name: self._choice([env[name] for env in ends if name in env])
+            for name in sorted(paths if references else ())
         }
         changed = {name: one for name, one in changed.items() if self._has(one, LOG | POW)}
         summary = None
-        if changed or self._has(value, LOG | POW) or _is_complement(value):
+        worth = self._has(value, LOG | POW) or _is_complement(value)
+        if changed or worth or _selects(value, parameters):
             order = tuple(one.name for one in function.parameters)
             if function.owner and order and order[0] in ("self", "cls"):
                 order = order[1:]
@@ -530,10 +545,12 @@ class _Evaluator:
         memo: dict[int, Expr] = {}
         result = self._substitute(summary.value, values, memo)
         for name, value in summary.changed.items():
-            given = summary.order.index(name)
+            parameter, dot, member = name.partition(".")
+            given = summary.order.index(parameter)
             target = call.args[given] if given < len(call.args) else None
             if isinstance(target, Name):
-                self._bind(target.name, self._substitute(value, values, memo), env)
+                made = self._substitute(value, values, memo)
+                self._bind(f"{target.name}{dot}{member}", made, env)
         self._inlining -= 1
         self._call = outer
         return result
@@ -633,7 +650,7 @@ class _Evaluator:
             head, _, tail = expr.name.partition(".")
             if tail:
                 value = self._dotted(head, tail, env)
-                if value is None and head == "this":
+                if value is None and head in ("this", "global"):
                     value = env.get(tail)  # in C++ a global is spelled like a member
                 if value is None:
                     value = self._entry_named(expr.name, env)
@@ -649,7 +666,7 @@ class _Evaluator:
             known = self._attributes.get((self._scope.owner, tail))
             if known:
                 return self._choice(known)
-            return self._property(tail)
+            return self._property(tail) or self._inherited(tail)
         value = env.get(head)
         while isinstance(value, Ref):
             value = value.value
@@ -657,6 +674,11 @@ class _Evaluator:
             return self._module_named(f"{value.name}.{tail}")
         known = self._attributes.get((head, tail))  # Class.constant
         return self._choice(known) if known else self._property(tail)
+
+    def _inherited(self, name: str) -> Expr | None:
+        """Give a member that one other class of the file sets, which may be the base."""
+        found = [one for (owner, own), one in self._attributes.items() if own == name and owner]
+        return self._choice(found[0]) if len(found) == 1 else None
 
     def _entry_named(self, path: str, env: Env) -> Expr | None:
         """Give what ``a.b`` is, where ``a`` is a record."""
@@ -1282,6 +1304,17 @@ def _call_within(expr: Expr, name: str) -> Fn | None:
         case Op(op="mul" | "div", args=(left, right)):
             return _call_within(left, name) or _call_within(right, name)
     return None
+
+
+def _selects(expr: Expr, parameters: Mapping[str, Name]) -> bool:
+    """Whether an expression is one of some parameters and numbers: a maximum, a clamp."""
+    if not isinstance(expr, Choice):
+        return False
+    options = [_unwrap(option) for option in expr.options]
+    symbols = list(parameters.values())
+    return all(
+        isinstance(one, Num) or any(one is symbol for symbol in symbols) for one in options
+    ) and any(not isinstance(one, Num) for one in options)
 
 
 def _is_complement(expr: Expr) -> bool:

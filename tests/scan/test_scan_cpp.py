@@ -19,6 +19,46 @@ def kinds(source: str) -> list[str]:
 
 
 APPROXIMATE = {
+    "a global that another function sets": """
+static double good;
+void prepare(double w) { good = pow(w, 4); }
+int trials(double s) { return log(1 - s) / log(1 - good); }
+""",
+    "a member that a loop of another method makes": """
+struct Ransac {
+  void Prepare(double w);
+  int Trials(double s) const { return std::log(1 - s) / std::log(1 - good_); }
+  double good_;
+};
+void Ransac::Prepare(double w) {
+  good_ = 1;
+  for (int i = 0; i < 4; i++) good_ *= w;
+}
+""",
+    "a member that the base class sets": """
+struct Base {
+  double good_;
+  void Prepare(double w) { good_ = w * w * w; }
+};
+struct Ransac : Base {
+  int Trials(double s) const { return std::log(1 - s) / std::log(1 - good_); }
+};
+""",
+    "a member of a struct by pointer": """
+struct state { double good; };
+static void prepare(struct state *state, double w) { state->good = w * w * w; }
+int trials(struct state *state, double w, double s) {
+  prepare(state, w);
+  return log(1 - s) / log(1 - state->good);
+}
+""",
+    "macros of one's own for bounds": """
+#define LARGER(a, b) ((a) > (b) ? (a) : (b))
+#define SMALLER(a, b) (((a) < (b)) ? (a) : (b))
+int trials(double w, double s) {
+  return SMALLER(1000, LARGER(1, log(LARGER(1e-9, 1 - s)) / log(LARGER(1e-9, 1 - w * w * w))));
+}
+""",
     "a fraction of all samples": """
 int Trials(int I, int n, int k) {
   return std::log(0.01) / std::log((std::pow(n, k) - std::pow(I, k)) / std::pow(n, k));
@@ -384,6 +424,14 @@ double ransac_trials(double w, double s) { return log(1 - s) / log(1 - all_inlie
 """,
 }
 EXACT = {
+    "a product in a global": """
+static double good;
+void prepare(int inliers, int n) {
+  good = 1;
+  for (int i = 0; i < 4; i++) good *= (double) (inliers - i) / (n - i);
+}
+int trials(double s) { return log(1 - s) / log(1 - good); }
+""",
     "a product in a macro": """
 #define FALLING(n) ((n) * ((n) - 1) * ((n) - 2))
 int Trials(double inliers, double n, double s) {
