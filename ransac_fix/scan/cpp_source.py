@@ -93,7 +93,7 @@ class CppSource(Source):
     def __init__(self, text: Text, path: str) -> None:
         super().__init__(text)
         self._bytes = text.source.encode("utf-8", "surrogatepass")
-        self._root = cpp_tree.parse(self._bytes)
+        self._root, self._parsed = cpp_tree.parse_and_blank(self._bytes)
         self._lines = self._bytes.split(b"\n")
         self._starts = [0]
         for line in self._lines:
@@ -407,6 +407,8 @@ class CppSource(Source):
         """Give the edit that adds the function, where the file has none yet."""
         if self._node(power).type == "preproc_arg":
             return "the power stands in a macro, whose names may be anything"
+        if self._has_other_branches(power):
+            return "the power stands in a branch of a condition of the preprocessor"
         target = self._byte(power.line, power.column)
         before = self._bytes[:target].replace(b"\r\n", b"\n")
         single = self._type_of_power(self._node(power)) == "float"
@@ -431,6 +433,15 @@ class CppSource(Source):
             self.edit(Span(line, 0, line, 0), f"{lead}{template.format_map(names)}{trail}", path)
             for _, template in missing
         )
+
+    def _has_other_branches(self, power: Span) -> bool:
+        """Whether a power stands in a branch that was read without the others."""
+        parsed = self._parsed.split(b"\n")
+        for row in range(power.line - 2, -1, -1):
+            words = self._lines[row].replace(b"#", b" # ").split()[:2]
+            if words[:1] == [b"#"] and words[-1] in (b"if", b"ifdef", b"ifndef", b"endif"):
+                return words[-1] != b"endif" and not parsed[row].strip()
+        return False
 
     def sole_definition(self, name: str, place: Span) -> tuple[Span, tuple[Span, ...]] | None:
         """Find the one declaration of a variable of the function around ``place``."""

@@ -25,6 +25,11 @@ _NOT_LINE_END = re.compile(rb"[^\r\n]")
 
 def parse(source: bytes) -> Node:
     """Parse a file; where that fails, without what only the preprocessor understands."""
+    return parse_and_blank(source)[0]
+
+
+def parse_and_blank(source: bytes) -> tuple[Node, bytes]:
+    """Parse a file, and give the source as it was parsed, with blanks."""
     root = _tree(source)
     for without in (_without_lone_macros, _without_branches):
         if not root.has_error:
@@ -36,7 +41,7 @@ def parse(source: bytes) -> Node:
         other = _tree(blanked)
         if _extent(_errors(other)) < _extent(errors):
             root, source = other, blanked
-    return root
+    return root, source
 
 
 def _tree(source: bytes) -> Node:

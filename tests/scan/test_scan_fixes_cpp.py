@@ -398,6 +398,18 @@ double trials(int n_inliers, int n, int k) {
 }""",
         "the file has something else named all_inlier_probability",
     ),
+    "one branch of a condition": (
+        """double trials(int I, int n, int k) {
+  double p =
+#ifdef SINGLE
+      powf((float)I / n, k);
+#else
+      pow((double)I / n, k);
+#endif
+  return log(0.01) / log(1 - p);
+}""",
+        "a branch of a condition",
+    ),
     "a macro of statements": (
         """#define UPDATE(N, I, n) { float w = (float) I / n; N = log(0.01) / log(1 - pow(w, 3)); }
 """,
