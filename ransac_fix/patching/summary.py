@@ -236,9 +236,11 @@ class TraceReport:
     not_visible: str
 
     def __str__(self) -> str:
+        calls = f"{self.calls} RANSAC call{'' if self.calls == 1 else 's'}"
+        sites = f"{len(self.sites)} call site{'' if len(self.sites) == 1 else 's'}"
         return (
-            f"{self.calls} RANSAC calls at {len(self.sites)} call sites: {self.short} stopped"
-            f" short of their guarantee, {self.short_by_cap} of them at a limit on trials;"
+            f"{calls} at {sites}: {self.short} stopped short of the guarantee,"
+            f" {self.short_by_cap} of them at a limit on trials;"
             f" {self.unread} could not be read"
         )
 

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -86,10 +86,18 @@ def release_of(distributions: Sequence[str], path: str, python: str | None) -> R
         stated = _stated_in(str(above))
         for name in wanted:
             if name in stated:
-                return stated[name]
+                return replace(stated[name], path=_seen_from_here(stated[name].path))
         if (above / ".git").exists():
             break
     return None
+
+
+def _seen_from_here(path: str | None) -> str | None:
+    """Spell a path as those of findings are where they are named from here."""
+    here = Path.cwd()
+    if path is None or not Path(path).is_relative_to(here):
+        return path
+    return str(Path(path).relative_to(here))
 
 
 @lru_cache(maxsize=4)

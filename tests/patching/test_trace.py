@@ -249,7 +249,7 @@ def test_a_second_trace_is_refused() -> None:
             _ = t.report
         homography()
     assert t.report.calls == 1
-    assert "1 RANSAC calls at 1 call sites: 1 stopped short" in str(t.report)
+    assert "1 RANSAC call at 1 call site: 1 stopped short" in str(t.report)
 
 
 def test_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,7 @@ def test_reads_the_release_and_its_line(project, name):
     (project / name).write_text(text)
     found = release_of(["scikit-learn"], str(project / "src" / "fit.py"), None)
     assert found is not None
-    assert (found.version, found.path, found.line) == (version, str(project / name), line)
+    assert (found.version, found.path, found.line) == (version, name, line)
 
 
 def test_reads_ranges(project):
@@ -76,7 +76,7 @@ def test_reads_ranges(project):
     found = release_of(["scikit-learn"], "src/fit.py", None)
     assert found is not None
     assert (found.version, found.range, found.line) == (None, ">=1.2,<2", 2)
-    assert found.path == str(project / "more.txt")
+    assert found.path == "more.txt"
 
 
 @pytest.mark.parametrize(
