@@ -134,6 +134,8 @@ def command(
     from ransac_fix.scan.configuration import Configuration, find_configuration
     from ransac_fix.scan.files import DEFAULT_EXCLUDES
 
+    if jobs == 0:
+        raise click.UsageError("--jobs 0: give the number of workers, or -1 for one a core")
     files = [_format_and_file(one) for one in output]
     settings = Configuration() if isolated else find_configuration(paths)
     fix_style = fix_style or settings.fix_style

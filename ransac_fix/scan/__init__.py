@@ -105,9 +105,9 @@ def scan_paths(
         A path does not exist, a named file is in no language that is scanned, there is no such
         rule, or no such scheduler.
     """
-    from ransac_fix.scan.rules import default_codes
+    from ransac_fix.scan.rules import choose, default_codes
 
-    codes = _chosen(select, ignore)
+    codes = choose(select, ignore)
     if not set(codes) <= default_codes():
         cache = None  # what is found depends on more than the file
     errors: list[ScanError] = []
@@ -177,10 +177,10 @@ def scan_text(
     RansacFixError
         There is no such rule.
     """
-    from ransac_fix.scan.rules import Settings, find_rule
+    from ransac_fix.scan.rules import Settings, choose, find_rule
     from ransac_fix.scan.scanner import scan_data
 
-    rules = [find_rule(code) for code in _chosen(select, ignore)]
+    rules = [find_rule(code) for code in choose(select, ignore)]
     language = LANGUAGES.get(Path(path).suffix.lower(), "python")
     outcome = scan_data(
         data, SourceFile(path, language, named=True), rules, settings=Settings(fix_style, python)
@@ -217,21 +217,6 @@ class _Batch:
     errors: list[ScanError] = field(default_factory=list)
     empty: set[bytes] = field(default_factory=set)
     files: int = 0
-
-
-def _chosen(select: Sequence[str], ignore: Sequence[str]) -> tuple[str, ...]:
-    from ransac_fix.scan.rules import all_rules, default_codes
-
-    known = [rule.code for rule in all_rules()]
-    for start in (*select, *ignore):
-        if not start or not any(code.startswith(start) for code in known):
-            raise RansacFixError(f"no rule {start!r}; the rules are {', '.join(known)}")
-    return tuple(
-        code
-        for code in known
-        if (code.startswith(tuple(select)) if select else code in default_codes())
-        and not code.startswith(tuple(ignore))
-    )
 
 
 def _scan_all(

@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from ransac_fix.errors import RansacFixError
 from ransac_fix.scan.findings import FixStyle
+from ransac_fix.scan.rules import choose
 
 
 class Configuration(
@@ -99,6 +100,8 @@ def _load(path: Path) -> dict[str, Any]:
 
 def _convert(table: object, path: Path) -> Configuration:
     try:
-        return msgspec.convert(table, Configuration)
-    except msgspec.ValidationError as error:
+        found = msgspec.convert(table, Configuration)
+        choose(found.select, found.ignore)
+    except (msgspec.ValidationError, RansacFixError) as error:
         raise RansacFixError(f"cannot use the configuration {path}: {error}") from None
+    return found

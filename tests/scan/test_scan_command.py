@@ -102,7 +102,10 @@ def test_the_configuration_is_the_closest_and_isolated_ignores_it(tmp_path, rule
 
 @pytest.mark.parametrize(
     "text",
-    ["[tool.ransac-fix]\nselects = []\n", "[tool.ransac-fix]\nselect = 3\n", "[tool.ransac-fix\n"],
+    [
+        *("[tool.ransac-fix]\nselects = []\n", "[tool.ransac-fix]\nselect = 3\n"),
+        *("[tool.ransac-fix]\nselect = ['XX']\n", "[tool.ransac-fix\n"),
+    ],
 )
 def test_a_wrong_configuration_is_an_error(tmp_path, rule, text):
     (tmp_path / "pyproject.toml").write_text(text)
@@ -230,5 +233,6 @@ def test_a_diff_does_not_hide_that_a_file_could_not_be_read(tmp_path, rule):
     assert [one["code"] for one in json.loads(report.read_text())["findings"]] == ["RFX001"]
 
 
-def test_an_interpreter_that_is_not_there_is_an_error(rule):
+def test_options_that_cannot_be_are_errors(rule):
     assert "there is no program" in run(rule, "--python", "/no/such/python", code=2)
+    assert "--jobs 0: " in run(rule, "--jobs", "0", code=2)

@@ -1,5 +1,6 @@
 """The rules, one file each: found by being here."""
 
+from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
@@ -14,6 +15,7 @@ __all__ = [
     "Settings",
     "SiteRule",
     "all_rules",
+    "choose",
     "default_codes",
     "default_rules",
     "find_rule",
@@ -45,6 +47,27 @@ def default_rules() -> tuple[Rule, ...]:
 def default_codes() -> frozenset[str]:
     """Give the codes of these rules."""
     return frozenset(rule.code for rule in default_rules())
+
+
+def choose(select: Iterable[str], ignore: Iterable[str]) -> tuple[str, ...]:
+    """Give the codes of the rules to check, by code or by the start of one.
+
+    Raises
+    ------
+    RansacFixError
+        There is no such rule.
+    """
+    select, ignore = tuple(select), tuple(ignore)
+    known = [rule.code for rule in all_rules()]
+    for start in (*select, *ignore):
+        if not start or not any(code.startswith(start) for code in known):
+            raise RansacFixError(f"no rule {start!r}; the rules are {', '.join(known)}")
+    return tuple(
+        code
+        for code in known
+        if (code.startswith(select) if select else code in default_codes())
+        and not code.startswith(ignore)
+    )
 
 
 def find_rule(code: str) -> Rule:
