@@ -75,6 +75,9 @@ def measure_stopping_rule(
     Returns
     -------
     Verdict
+        ``verdict`` is "exact", "undersamples", "oversamples", "other rule" or "not measured",
+        ``reason`` says why; ``sampler_law`` and ``stopping_law`` are the laws found (None where
+        there are none), ``points`` the evidence, ``runs`` how often the function was called.
 
     Raises
     ------

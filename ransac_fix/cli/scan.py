@@ -9,7 +9,7 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ransac_fix.scan import FixStyle, ScanError, ScanResult
+    from ransac_fix.scan import Finding, FixStyle, ScanError, ScanResult
     from ransac_fix.scan.fixing import FixedFile
 
 _FORMATS = (
@@ -193,9 +193,7 @@ def command(
                 result = look()
                 if baseline is not None:
                     result = compare(result, Path(baseline), paths).result
-            left = sum(one.fix is not None and not one.fix.safe for one in result.findings)
-            if left and not unsafe_fixes:
-                click.echo(f"--unsafe-fixes would fix {left} more.", err=True)
+            _report_unsafe(result.findings, unsafe_fixes)
             result = replace(result, errors=(*result.errors, *errors, *unwritten))
     writers = _writers()
     for name, file in files:
@@ -206,6 +204,10 @@ def command(
     if diff:
         click.echo("".join(one.diff() for one in fixed), nl=False)
         _report_errors(result.errors)
+        _report_unsafe(result.findings, unsafe_fixes)
+        without = sum(one.fix is None for one in result.findings)
+        if without:
+            click.echo(f"{without} without a fix: leave out --diff to see them.", err=True)
     else:
         # Standard output holds the fixed source where there is one.
         click.echo(writers[output_format](result), nl=False, err=bool(contents) and fix)
@@ -241,6 +243,12 @@ def _write(
     findings = f"{done} finding{'' if done == 1 else 's'}"
     click.echo(f"Fixed {findings} in {files} file{'' if files == 1 else 's'}.", err=True)
     return written, errors
+
+
+def _report_unsafe(findings: "Sequence[Finding]", taken: bool) -> None:
+    count = sum(one.fix is not None and not one.fix.safe for one in findings)
+    if count and not taken:
+        click.echo(f"--unsafe-fixes would fix {count} more.", err=True)
 
 
 def _report_errors(errors: "Sequence[ScanError]") -> None:

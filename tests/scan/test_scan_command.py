@@ -233,6 +233,19 @@ def test_a_diff_does_not_hide_that_a_file_could_not_be_read(tmp_path, rule):
     assert [one["code"] for one in json.loads(report.read_text())["findings"]] == ["RFX001"]
 
 
+def test_a_diff_says_what_it_does_not_show(rule):
+    rule.write_text(RULE.replace("w = n_inliers / n_samples", "w = ratio()"))
+    assert run(rule, "--diff", code=0) == "1 without a fix: leave out --diff to see them.\n"
+    rule.write_text(
+        RULE.replace("(n_inliers, n_samples, k, s)", "(w, k, s)").replace(
+            "    w = n_inliers / n_samples\n", ""
+        )
+        + "\ndef run(n_inliers, n_samples):\n"
+        "    return ransac_trials(n_inliers / n_samples, 3, 0.99)\n"
+    )
+    assert run(rule, "--diff", code=0) == "--unsafe-fixes would fix 1 more.\n"
+
+
 def test_options_that_cannot_be_are_errors(rule):
     assert "there is no program" in run(rule, "--python", "/no/such/python", code=2)
     assert "--jobs 0: " in run(rule, "--jobs", "0", code=2)
