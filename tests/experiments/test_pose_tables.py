@@ -233,8 +233,10 @@ def test_infinite_errors_are_kept(tmp_path):
     assert store.load() == {"key": cases}
 
 
-def test_a_folder_that_cannot_be_written_is_one_error(tmp_path):
+def test_a_folder_that_cannot_be_written_or_read_is_one_error(tmp_path):
     (tmp_path / "file").write_text("")
+    with pytest.raises(RansacFixError, match=r"pose\.jsonl: cannot be read: Not a directory$"):
+        Store(tmp_path / "file").load()
     with pytest.raises(RansacFixError, match="cannot be written"):
         Store(tmp_path / "file").add("key", [made("a", (1.0, 1.0))])
 

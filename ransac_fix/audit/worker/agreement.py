@@ -58,12 +58,6 @@ def with_pose(
     return _within(project(planted.x @ rotation.T + shift) - planted.y, tolerance)
 
 
-def with_plane(planted: Planted, plane: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
-    """Compare ``a x + b y + c z + d`` with 0, for ``(a, b, c, d)``."""
-    normal, offset = plane[:3], plane[3]
-    return np.asarray(np.abs(planted.x @ normal + offset) < tolerance * np.linalg.norm(normal))
-
-
 def _within(difference: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
     # Not <=: NaN must not agree.
     return np.asarray(np.linalg.norm(difference, axis=1) < tolerance)

@@ -48,7 +48,8 @@ class Store:
         except FileNotFoundError:
             return []
         except (OSError, ValueError) as error:
-            raise RansacFixError(f"{self.path}: cannot be read: {error}") from None
+            why = getattr(error, "strerror", None) or error
+            raise RansacFixError(f"{self.path}: cannot be read: {why}") from None
 
     def add(self, key: str, cases: list[Case]) -> None:
         """Keep the cases of one subsample."""
