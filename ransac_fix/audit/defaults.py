@@ -73,7 +73,22 @@ def at_defaults(
 
 
 def rule_trials(law: StoppingLaw, strata: Strata, confidence: float) -> int:
-    """Trials that a law lets happen, with whatever multiplier it was measured with."""
+    """Return the trials that a law lets happen, with the multiplier it was measured with.
+
+    Parameters
+    ----------
+    law : StoppingLaw
+        The law; of a range of shifts the smallest counts.
+    strata : tuple of (inliers, measurements)
+        The problem.
+    confidence : float
+        s.
+
+    Returns
+    -------
+    int
+        At least 1, and at most 2^62, which stands for a run without end.
+    """
     probability = law_probability(law, *totals(strata), strata)
     if probability >= 1 or confidence <= 0:
         return 1

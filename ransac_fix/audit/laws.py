@@ -46,7 +46,15 @@ class Candidate:
     quota: tuple[int, ...] = ()
 
     def probability(self, n_inliers: int, n: int, strata: Strata = ()) -> float:
-        """P for n_inliers of n, which fall into strata; 0 where P needs strata and has none."""
+        """Return P; 0 where it needs strata and is given none.
+
+        Parameters
+        ----------
+        n_inliers, n : int
+            I and n.
+        strata : tuple of (inliers, measurements), optional
+            How these fall into strata.
+        """
         by_strata = self._by_strata
         if by_strata is not None:
             if not strata or any(n < 1 for _, n in strata):
@@ -167,7 +175,7 @@ def fit(points: Sequence[Point], sample_size: int) -> Fit:
 
 
 def law_probability(law: StoppingLaw, n_inliers: int, n: int, strata: Strata = ()) -> float:
-    """P that a law assumes for n_inliers of n, which fall into strata."""
+    """Return the P that a law assumes; see `Candidate.probability`."""
     return _candidate(law).probability(n_inliers, n, strata)
 
 

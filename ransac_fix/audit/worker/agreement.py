@@ -20,7 +20,21 @@ if TYPE_CHECKING:
 def with_homography(
     planted: Planted, homography: NDArray[np.float64], tolerance: float
 ) -> NDArray[np.bool_]:
-    """Compare ``H (x, 1)`` with y, in pixels."""
+    """Compare ``H (x, 1)`` with y.
+
+    Parameters
+    ----------
+    planted : Planted
+        The problem.
+    homography : ndarray, shape (3, 3)
+        At any scale.
+    tolerance : float
+        Largest distance, not included, in pixels.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
     mapped = np.column_stack([planted.x, np.ones(planted.n_samples)]) @ homography.T
     return _within(mapped[:, :2] / mapped[:, 2:] - planted.y, tolerance)
 
@@ -28,7 +42,21 @@ def with_homography(
 def with_fundamental(
     planted: Planted, fundamental: NDArray[np.float64], tolerance: float
 ) -> NDArray[np.bool_]:
-    """Compare ``(y, 1) F (x, 1)`` with 0, as the Sampson distance in pixels."""
+    """Compare ``(y, 1) F (x, 1)`` with 0, by the Sampson distance.
+
+    Parameters
+    ----------
+    planted : Planted
+        The problem.
+    fundamental : ndarray, shape (3, 3)
+        At any scale.
+    tolerance : float
+        Largest distance, not included, in pixels.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
     x = np.column_stack([planted.x, np.ones(planted.n_samples)])
     y = np.column_stack([planted.y, np.ones(planted.n_samples)])
     lines_y, lines_x = x @ fundamental.T, y @ fundamental
@@ -44,7 +72,23 @@ def with_motion(
     shift: NDArray[np.float64],
     tolerance: float,
 ) -> NDArray[np.bool_]:
-    """Compare ``A x + b`` with y."""
+    """Compare ``A x + b`` with y.
+
+    Parameters
+    ----------
+    planted : Planted
+        The problem.
+    linear : ndarray, shape (d, d)
+        A.
+    shift : ndarray, shape (d,)
+        b.
+    tolerance : float
+        Largest distance, not included, in the unit of y.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
     return _within(planted.x @ linear.T + shift - planted.y, tolerance)
 
 
@@ -54,7 +98,23 @@ def with_pose(
     shift: NDArray[np.float64],
     tolerance: float,
 ) -> NDArray[np.bool_]:
-    """Compare the projection of ``R x + t`` with y, in pixels."""
+    """Compare the projection of ``R x + t`` with y.
+
+    Parameters
+    ----------
+    planted : Planted
+        The problem.
+    rotation : ndarray, shape (3, 3)
+        R.
+    shift : ndarray, shape (3,)
+        t.
+    tolerance : float
+        Largest distance, not included, in pixels.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
     return _within(project(planted.x @ rotation.T + shift) - planted.y, tolerance)
 
 

@@ -92,6 +92,15 @@ def choose_pairs(problems: Sequence[Problem], n: int, seed: int) -> list[Problem
     """Return the problems of at most `n` pairs of each data set, chosen at random by the seed.
 
     A larger number keeps those of a smaller one, and all kinds of problem share their pairs.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        Those there are; their order is kept.
+    n : int
+        Pairs of each data set, at most.
+    seed : int
+        Which of the choices.
     """
 
     def rank(pair: tuple[str, str]) -> str:

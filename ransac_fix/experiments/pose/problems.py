@@ -89,6 +89,13 @@ class Problem:
         """Return the problem with `n` of its correspondences, chosen uniformly.
 
         The choice depends on the arguments and the problem's name alone.
+
+        Parameters
+        ----------
+        n : int
+            At most as many as there are.
+        seed, repeat : int
+            Which of the choices, not negative.
         """
         identity = zlib.crc32(f"{self.kind} {self.dataset} {self.name}".encode())
         rng = np.random.default_rng([seed, identity, n, repeat])
@@ -192,14 +199,17 @@ class CorrespondingPoints:
 
 
 def rotation_angle(first: FloatArray, second: FloatArray) -> float:
-    """Return the angle between two rotations in degrees."""
+    """Return the angle between two rotations, shape (3, 3), in degrees, 0 to 180."""
     # By the chord, which keeps its digits at small angles where the cosine does not.
     chord = float(np.linalg.norm(first - second)) / (2 * np.sqrt(2))
     return float(np.degrees(2 * np.arcsin(min(1.0, chord))))
 
 
 def angle_between(first: FloatArray, second: FloatArray) -> float:
-    """Return the angle between two directions in degrees, 180 where one has no length."""
+    """Return the angle between two directions, of three entries each, in degrees.
+
+    It is 180 where one has no length.
+    """
     lengths = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
     if lengths == 0.0:
         return 180.0
@@ -208,7 +218,15 @@ def angle_between(first: FloatArray, second: FloatArray) -> float:
 
 
 def transfer_distances(homography: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the distances of mapped first points from second ones, shape (n,)."""
+    """Return the distances of mapped first points from second ones, shape (n,), in pixels.
+
+    Parameters
+    ----------
+    homography : ndarray of shape (3, 3)
+        From the first image to the second.
+    first, second : ndarray of shape (n, 2)
+        Corresponding points in pixels.
+    """
     mapped = np.column_stack((first, np.ones(len(first)))) @ homography.T
     with np.errstate(divide="ignore", invalid="ignore"):
         distances: FloatArray = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - second, axis=1)
@@ -216,7 +234,15 @@ def transfer_distances(homography: FloatArray, first: FloatArray, second: FloatA
 
 
 def sampson_distances(fundamental: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return Sampson's distances from the epipolar geometry, shape (n,)."""
+    """Return Sampson's distances from the epipolar geometry, shape (n,), in pixels.
+
+    Parameters
+    ----------
+    fundamental : ndarray of shape (3, 3)
+        F with ``(x2, 1) F (x1, 1) = 0``.
+    first, second : ndarray of shape (n, 2)
+        Corresponding points in pixels.
+    """
     one = np.ones(len(first))
     x1, x2 = np.column_stack((first, one)), np.column_stack((second, one))
     lines2, lines1 = x1 @ fundamental.T, x2 @ fundamental
@@ -240,6 +266,14 @@ def pose_of_fundamental(problem: Problem, estimate: Estimate) -> FloatArray | No
 
 
 def normalised(points: FloatArray, camera: FloatArray) -> FloatArray:
-    """Return image points in the units of a camera with focal length 1, shape (n, 2)."""
+    """Return image points in the units of a camera with focal length 1, shape (n, 2).
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2)
+        In pixels.
+    camera : ndarray of shape (3, 3)
+        Its calibration matrix.
+    """
     rays = np.linalg.solve(camera, np.column_stack((points, np.ones(len(points)))).T)
     return np.ascontiguousarray(rays[:2].T)

@@ -118,7 +118,22 @@ class Case:
 
 
 def run_case(problem: Problem, n: int, repeat: int, settings: Settings) -> list[Case]:
-    """Run both rules at every confidence on one subsample of a problem."""
+    """Run both rules at every confidence on one subsample of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Where the subsample is taken from.
+    n, repeat : int
+        Its size and its number.
+    settings : Settings
+        What is run; `ns` and `repeats` play no part.
+
+    Returns
+    -------
+    list of Case
+        One a confidence, in their order.
+    """
     cv2.setNumThreads(1)
     if settings.patch is not None:
         return _run_patched(problem, n, repeat, settings, settings.patch)

@@ -148,7 +148,22 @@ PAPER_MILLISECONDS: dict[Kind, dict[tuple[int, float], tuple[float, float]]] = {
 
 
 def summarise(cases: Iterable[Case], library: str, *, by_dataset: bool) -> list[Row]:
-    """Return the table's rows: over all data sets of a kind, and for each where asked for."""
+    """Return the table's rows: over all data sets of a kind, and for each where asked for.
+
+    Parameters
+    ----------
+    cases : iterable of Case
+        Of one library, in any order.
+    library : str
+        Its name.
+    by_dataset : bool
+        Whether each data set has rows of its own, too.
+
+    Returns
+    -------
+    list of Row
+        By kind in the paper's order, unit, data set, n and s.
+    """
     groups: dict[tuple[str, str, str, int, float], list[Case]] = defaultdict(list)
     for case in cases:
         for dataset in ("all", case.dataset) if by_dataset else ("all",):

@@ -44,6 +44,13 @@ def run_instances(setup: Setup, seed: int, start: int, stop: int) -> Runs:
     """Run instances `start` to `stop`, exclusive.
 
     The results depend on the arguments alone, not on how instances are grouped or where they run.
+
+    Parameters
+    ----------
+    setup : Setup
+        The row of a table.
+    seed, start, stop : int
+        Not negative.
     """
     n = stop - start
     gains = np.empty((n, 2, len(THRESHOLDS)))
@@ -108,7 +115,18 @@ def gain(setup: Setup, instance: Instance, model: FloatArray) -> FloatArray:
 def trial_tables(
     n_samples: int, sample_size: int, confidence: Fraction
 ) -> tuple[IntArray, IntArray]:
-    """Return the trials each rule asks for at 0 to n inliers, approximate first, exact second."""
+    """Return the trials each rule asks for at 0 to n inliers, approximate first, exact second.
+
+    Parameters
+    ----------
+    n_samples, sample_size, confidence
+        As in `ransac_fix.criterion.required_trials`.
+
+    Returns
+    -------
+    tuple of two ndarrays of shape (n_samples + 1,)
+        The largest 64-bit integer where there are more, or no number is enough.
+    """
 
     def table(rule: object) -> IntArray:
         assert callable(rule)
