@@ -1,5 +1,6 @@
 """The ``ransac-fix`` command: one module a command, each imported only when it is called."""
 
+import errno
 import sys
 import traceback
 from importlib import import_module
@@ -26,6 +27,7 @@ _COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 EXIT_ERROR = 2
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT} if hasattr(errno, "EDQUOT") else {errno.ENOSPC}
 
 
 class _LazyGroup(click.Group):
@@ -63,7 +65,10 @@ def main(args: list[str] | None = None) -> None:
     except RansacFixError as error:
         print(f"ransac-fix: error: {error}", file=sys.stderr)
         sys.exit(EXIT_ERROR)
-    except Exception:  # noqa: BLE001 -- the last resort: a defect must not look like "findings"
+    except Exception as error:  # noqa: BLE001 -- the last resort: a defect must not look like "findings"
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            print(f"ransac-fix: error: cannot write: {error.strerror}", file=sys.stderr)
+            sys.exit(EXIT_ERROR)
         traceback.print_exc()
         print("ransac-fix: internal error, please report it with the lines above", file=sys.stderr)
         sys.exit(EXIT_ERROR)

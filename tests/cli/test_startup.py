@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -92,3 +93,17 @@ def test_what_measures_names_the_extra_where_there_is_no_numpy(arguments: list[s
     done = run("-c", code, *arguments)
     assert done.returncode == 2
     assert done.stderr == ("ransac-fix: error: this needs numpy: pip install 'ransac-fix[audit]'\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no such device here")
+def test_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "ransac_fix", "rules"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr == "ransac-fix: error: cannot write: No space left on device\n"
