@@ -9,6 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ransac_fix._version import __version__
+from ransac_fix.report.rule_text import rule_markdown
 from ransac_fix.scan import Finding, Location, ScanError, ScanResult
 from ransac_fix.scan.findings import Fix
 from ransac_fix.scan.rules import Rule, all_rules
@@ -58,7 +59,7 @@ def _rule(rule: Rule) -> dict[str, Any]:
         "name": "".join(part.capitalize() for part in rule.name.split("-")),
         "shortDescription": {"text": rule.summary},
         "fullDescription": {"text": page.partition("\n")[0]},
-        "help": {"text": page},
+        "help": {"text": page, "markdown": rule_markdown(rule)},
     }
 
 

@@ -20,18 +20,23 @@ def rules_text(rules: Iterable[Rule]) -> str:
 
 
 def rule_text(rule: Rule) -> str:
-    """Return the page of one rule, for the terminal."""
-    return f"{rule.code} {rule.name}\n\n{inspect.getdoc(type(rule))}\n"
+    """Return the page of one rule without its examples, for the terminal."""
+    return f"# {rule.code} {rule.name}\n\n{rule_markdown(rule)}"
 
 
 def rule_page(rule: Rule) -> str:
     """Return the page of one rule as Markdown, examples included."""
-    parts = [f"# {rule.code} {rule.name}\n", _markdown(inspect.getdoc(type(rule)) or "")]
+    parts = [rule_text(rule)]
     parts.append("\n## Found\n")
     parts += [*_examples(rule.invalid, "python"), *_examples(rule.cpp_invalid, "cpp")]
     parts.append("\n## Left alone\n")
     parts += [*_examples(rule.valid, "python"), *_examples(rule.cpp_valid, "cpp")]
     return "\n".join(parts)
+
+
+def rule_markdown(rule: Rule) -> str:
+    """Return what a rule says of itself as Markdown."""
+    return _markdown(inspect.getdoc(type(rule)) or "")
 
 
 def _examples(examples: Mapping[str, str], language: str) -> list[str]:

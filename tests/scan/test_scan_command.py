@@ -153,7 +153,7 @@ def test_rules_are_listed_and_explained():
     listed = CliRunner().invoke(cli, ["rules"]).output
     assert listed.startswith("RFX001  approximate-stopping-rule")
     explained = CliRunner().invoke(cli, ["rule", "RFX003"]).output
-    assert explained.startswith("RFX003 sample-with-replacement\n")
+    assert explained.startswith("# RFX003 sample-with-replacement\n")
     assert "Why is this bad" in explained
 
 

@@ -50,6 +50,9 @@ def test_github_annotations(project):
 
 def test_sarif(project):
     document = json.loads(run(".", "--output-format", "sarif"))
+    for rule in document["runs"][0]["tool"]["driver"]["rules"]:
+        assert "\n## What it does\n" in rule["help"]["markdown"]
+        assert "``" not in rule["help"]["markdown"].replace("```", "")
     assert document["version"] == "2.1.0"
     (scan,) = document["runs"]
     assert [rule["id"] for rule in scan["tool"]["driver"]["rules"]] == [
