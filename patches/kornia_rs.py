@@ -4,7 +4,8 @@ The rule is compiled in and assumes p**k, so the functions are wrapped: see
 `ransac_fix.patching.wrapping`. They report their iterations. The missing ones are drawn with
 another seed and a confidence of 1, which runs all of them; the model with the higher score is
 kept. The score is the number of inliers, which is quicker to read than the list of them. Samples
-are distinct and uniform.
+are distinct and uniform. Nothing is optimised beside the trials, so that a second run costs what
+they do, and the first one is not asked for more than its caller did.
 
 Passed through untouched: the estimators of `kornia_rs.k3d`, which report neither iterations nor
 the confidence they work with.
@@ -18,14 +19,13 @@ from typing import Any
 from ransac_fix.criterion import approximate_required_trials, required_trials
 from ransac_fix.errors import PatchNotApplicable
 from ransac_fix.patching.interface import LibraryPatch, Replacement
-from ransac_fix.patching.missing import Spare, own_function
+from ransac_fix.patching.missing import own_function
 from ransac_fix.patching.wrapping import seeded
 
 __all__ = ["PATCH"]
 
 _NAMES = ("matches", "threshold", "max_iters", "confidence", "seed")
 _DEFAULTS = {"max_iters": 1000, "confidence": 0.999, "seed": None}
-_SPARE = Spare(1)
 _SAMPLE_SIZES = {"homography": 4, "fundamental": 8, "essential": 5}
 
 
@@ -43,7 +43,6 @@ def _wrap(original: Callable[..., Any], sample_size: int) -> Callable[..., Any]:
         points="matches",
         confidence="confidence",
         read=_read,
-        spare=_SPARE,
     )
 
 

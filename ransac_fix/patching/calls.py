@@ -13,7 +13,11 @@ from functools import lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-from ransac_fix.criterion import approximate_required_trials, required_trials, success_probability
+from ransac_fix.criterion import (
+    all_inlier_probability,
+    approximate_required_trials,
+    required_trials,
+)
 
 if TYPE_CHECKING:
     from ransac_fix.patching.watching import Facts, Sampling
@@ -107,11 +111,8 @@ def judge(
     elif exact:
         trials = min(max(trials, needed), max_trials)
     if chance is None:
-        success = success_probability(
-            trials if trials == math.inf else int(trials), *counts, sampling=sampling
-        )
-    else:
-        success = -math.expm1(trials * math.log1p(-chance)) if chance < 1 else float(trials > 0)
+        chance = all_inlier_probability(*counts, sampling=sampling)
+    success = -math.expm1(trials * math.log1p(-chance)) if chance < 1 else float(trials > 0)
     bound: Bound = "rule"
     if trials >= max_trials and max_trials < needed:
         bound = "cap"

@@ -39,7 +39,7 @@ def seeded(
     points: str,
     confidence: str,
     read: Callable[[Any, int, float, float], tuple[int, float]],
-    spare: Spare,
+    spare: Spare | None = None,
     assumed: Chance = approximate_chance,
 ) -> Callable[..., Any]:
     """Return the exact function of one that takes ``max_iters`` and ``seed``.
@@ -61,15 +61,18 @@ def seeded(
         ``read(result, n_samples, confidence, max_iters)``: the number of inliers and the trials
         of a run. The library's own measure of a model is its inliers.
     spare, assumed
-        As in `ransac_fix.patching.missing.raised_confidence`.
+        As in `ransac_fix.patching.missing.raised_confidence`. Without `spare` the first run is as
+        asked: for a library in which a second one costs no more than its trials.
     """
 
     def exact(*args: Any, **kwargs: Any) -> Any:
         settings = {**defaults, **dict(zip(names, args)), **kwargs}  # noqa: B905 -- fewer arguments
         wanted, limit = settings[confidence], settings["max_iters"]
+        asked = wanted
         try:
             n_samples = len(settings[points])
-            asked = raised_confidence(n_samples, sample_size, wanted, spare, assumed=assumed)
+            if spare is not None:
+                asked = raised_confidence(n_samples, sample_size, wanted, spare, assumed=assumed)
         except (TypeError, KeyError):  # the library says what is wrong with them
             return original(*args, **kwargs)
         if asked != wanted:

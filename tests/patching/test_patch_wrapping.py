@@ -33,7 +33,9 @@ def seeded_library(inliers: list[int], runs: list[Run]) -> Callable[..., Any]:
     return find
 
 
-def wrap_seeded(inliers: list[int], runs: list[Run], spare: float = 0) -> Callable[..., Any]:
+def wrap_seeded(
+    inliers: list[int], runs: list[Run], spare: Spare | None = None
+) -> Callable[..., Any]:
     return seeded(
         seeded_library(inliers, runs),
         NAMES,
@@ -42,7 +44,7 @@ def wrap_seeded(inliers: list[int], runs: list[Run], spare: float = 0) -> Callab
         points="points",
         confidence="conf",
         read=lambda result, *_: result[1:],
-        spare=Spare(spare, 0.0),
+        spare=spare,
     )
 
 
@@ -70,7 +72,7 @@ def test_without_a_seed_the_second_run_has_one_of_its_own(seed: int | None) -> N
 
 def test_a_seeded_function_asks_for_more_at_once() -> None:
     runs: list[Run] = []
-    wrap_seeded([15], runs, spare=10)([0] * N)
+    wrap_seeded([15], runs, spare=Spare(10, 0.0))([0] * N)
     assert len(runs) == 1
     assert runs[0]["conf"] > 0.99
     assert runs[0]["trials"] >= required_trials(15, N, K, 0.99)
