@@ -1,8 +1,9 @@
 """Find stopping rules in source code.
 
-From paths to files (``files``), to the small form (``python``, ``notebook``), to resolved
-expressions (``evaluate``), to sites (``algebra``, ``recogniser``, ``reading``), to findings
-(``rules``). ``scan_paths`` does it all.
+From paths to files (``files``), to the small form (``python``, ``notebook``, ``cpp``), to resolved
+expressions (``evaluate``, of ``nodes``), to sites (``recogniser``, by what ``algebra``,
+``monomials``, ``logarithms`` and ``probability`` say; ``reading``), to findings (``rules``).
+``scan_paths`` does it all.
 """
 
 import gc

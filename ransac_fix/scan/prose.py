@@ -14,6 +14,7 @@ from itertools import accumulate
 
 from ransac_fix.scan import evaluate, python, triage
 from ransac_fix.scan.form import Span
+from ransac_fix.scan.nodes import TooComplex
 from ransac_fix.scan.reading import Text, roles_of
 from ransac_fix.scan.recogniser import recognise
 from ransac_fix.scan.suppressions import Comment
@@ -399,7 +400,7 @@ def _read(spelled: str, span: Span) -> Formula | None:
         spelled = ast.unparse(ast.parse(spelled, mode="eval"))
         source = f"trials = {spelled}" if quotient else f"found = {spelled} > s"
         sites = recognise(evaluate.candidates(python.parse(source)))
-    except (SyntaxError, ValueError, RecursionError, MemoryError, evaluate.TooComplex):
+    except (SyntaxError, ValueError, RecursionError, MemoryError, TooComplex):
         return None
     for site in sites:
         if site.form != "inverse":

@@ -1,13 +1,14 @@
-"""Python source as fixes see it: the statements of ``ast``, and where values hold between them."""
+"""Python source as fixes see it: what is written into it, and what changes with it."""
 
 import ast
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from ransac_fix.scan.findings import Edit, FixStyle
 from ransac_fix.scan.form import Expr, Name, Op, Span
 from ransac_fix.scan.python import tree
+from ransac_fix.scan.python_flow import Flow, character, span_of
+from ransac_fix.scan.python_sampler import distinct, distinct_list, population_of
 from ransac_fix.scan.reading import Text
 from ransac_fix.scan.sampler import Draw
 from ransac_fix.scan.source import (
@@ -39,11 +40,6 @@ _LOOKS = frozenset(
     ("len", "int", "float", "abs", "round", "sum", "count_nonzero", "size", "numel", "item")
 )
 
-# Methods that change how many entries their object has.
-_CHANGES = frozenset(
-    ("append", "extend", "insert", "pop", "remove", "clear", "add", "discard", "update", "resize")
-)
-
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -57,7 +53,7 @@ class PythonSource(Source):
     ) -> None:
         super().__init__(text)
         self._module = tree(text.source)
-        self._flow = _Flow(self._module, text)
+        self._flow = Flow(self._module, text)
         self._style = style
         self._cells = cells
 
@@ -253,7 +249,7 @@ class PythonSource(Source):
         for word in call.keywords:
             if word.arg == parameter:
                 value = self._span(word.value)
-                column = _character(self.text, word.lineno, word.col_offset)
+                column = character(self.text, word.lineno, word.col_offset)
                 span = Span(word.lineno, column, value.end_line, value.end_column)
                 return Argument(span, value, parameter)
         if place is not None and place < len(call.args):
@@ -262,14 +258,14 @@ class PythonSource(Source):
         return None
 
     def _span(self, node: ast.expr | ast.stmt | ast.arg) -> Span:
-        return _span(node, self.text)
+        return span_of(node, self.text)
 
     # ---- samplers -------------------------------------------------------------------------
 
     def population(self, draw: Draw, place: Span) -> tuple[str, bool] | None:
         """Spell the number of data that a sampler draws from; say whether ``place`` knows it."""
         call = self._call_at(draw.span)
-        spelled = None if call is None else _population(call)
+        spelled = None if call is None else population_of(call)
         if spelled is None:
             return None
         known = self._flow.is_known_at(spelled, place)
@@ -279,12 +275,12 @@ class PythonSource(Source):
         """Give the edit that makes a call draw distinct samples."""
         call = self._call_at(draw.span)
         if call is not None:
-            spelled = _distinct(call)
+            spelled = distinct(call)
             if spelled is not None:
                 return (self.edit(draw.span, spelled, path),)
             for node in ast.walk(self._module):
                 if isinstance(node, ast.ListComp):
-                    spelled = _distinct_list(node, call)
+                    spelled = distinct_list(node, call)
                     if spelled is not None:
                         return (self.edit(self._span(node), spelled, path),)
         return super().distinct_draw(draw, path)
@@ -345,288 +341,6 @@ def _names(node: ast.AST, name: str) -> bool:
 
 def _spans(node: ast.stmt, span: Span) -> bool:
     return node.lineno <= span.line and span.end_line <= (node.end_lineno or node.lineno)
-
-
-def _population(call: ast.Call) -> str | None:
-    """Spell the number of data that a call draws from."""
-    if not isinstance(call.func, ast.Attribute | ast.Name):
-        return None
-    name = call.func.attr if isinstance(call.func, ast.Attribute) else call.func.id
-    arguments = call.args
-    if not arguments:
-        return None
-    match name:
-        case "sample" | "choices":
-            if isinstance(call.func, ast.Attribute) and ast.unparse(call.func.value) != "random":
-                return None
-            return _size_of(arguments[0]) or f"len({ast.unparse(arguments[0])})"
-        case "choice" | "permutation" | "randperm" | "sample_without_replacement":
-            return _size_of(arguments[0])
-        case "randint" | "integers" | "random_integers":
-            ends = arguments[:2]
-            single = isinstance(call.func, ast.Name) or ast.unparse(call.func.value) == "random"
-            if len(ends) == 2 and ast.unparse(ends[0]) != "0":
-                return None
-            return _one_more(ends[-1]) if single else ast.unparse(ends[-1])
-        case "randrange":
-            return ast.unparse(arguments[0]) if len(arguments) == 1 else None
-    return None
-
-
-def _size_of(node: ast.expr) -> str | None:
-    """Spell how many entries ``range(n)``, ``arange(n)`` or a number of data stands for."""
-    match node:
-        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[size]):
-            return ast.unparse(size)
-        case ast.Call(func=ast.Name(id="range") | ast.Attribute(attr="arange"), args=[low, size]):
-            return ast.unparse(size) if ast.unparse(low) == "0" else None
-        case ast.Call(func=ast.Name(id="len")) | ast.Attribute(attr="size"):
-            return ast.unparse(node)
-        case ast.Subscript(value=ast.Attribute(attr="shape")):
-            return ast.unparse(node)
-    return None
-
-
-def _one_more(node: ast.expr) -> str | None:
-    """Read n out of n - 1, the largest index."""
-    match node:
-        case ast.BinOp(left=left, op=ast.Sub(), right=ast.Constant(value=1)):
-            return ast.unparse(left)
-    return None
-
-
-def _distinct(call: ast.Call) -> str | None:
-    """Spell a call that draws with replacement so that it draws without."""
-    if not isinstance(call.func, ast.Attribute):
-        return None
-    base = ast.unparse(call.func.value)
-    names = {word.arg: word.value for word in call.keywords}
-    arguments = [ast.unparse(argument) for argument in call.args]
-    match call.func.attr:
-        case "choice":
-            words = [f"{word.arg}={ast.unparse(word.value)}" for word in call.keywords]
-            words = [word for word in words if not word.startswith("replace=")]
-            return f"{base}.choice({', '.join([*arguments[:2], *words, 'replace=False'])})"
-        case "choices" if "k" in names and len(arguments) == 1 and "weights" not in names:
-            return f"{base}.sample({arguments[0]}, k={ast.unparse(names['k'])})"
-        case "randint" | "integers" if base != "torch" and not {"endpoint", "dtype"} & set(names):
-            size = arguments[2] if len(arguments) > 2 else None
-            if "size" in names:
-                size = ast.unparse(names["size"])
-            low, high = ("0", arguments[0]) if len(arguments) == 1 else arguments[:2]
-            several = re.match(r"\(.*,.*\w.*\)", size or "")  # several samples at once
-            if size is not None and low == "0" and not several:
-                return f"{base}.choice({high}, size={size}, replace=False)"
-    return None
-
-
-def _distinct_list(node: ast.ListComp, draw: ast.Call) -> str | None:
-    """Spell ``[random.randrange(n) for _ in range(k)]`` so that it draws without replacement."""
-    match node:
-        case ast.ListComp(
-            elt=element,
-            generators=[
-                ast.comprehension(
-                    target=ast.Name(id=counter),
-                    iter=ast.Call(func=ast.Name(id="range"), args=[size]),
-                    ifs=[],
-                )
-            ],
-        ):
-            pass
-        case _:
-            return None
-    population = _population(draw)
-    function = draw.func
-    if (
-        population is None
-        or not isinstance(function, ast.Attribute)
-        or counter in re.findall(r"\w+", population)
-    ):
-        return None
-    if ast.unparse(function.value) != "random":
-        return None
-    sample = f"random.sample(range({population}), {ast.unparse(size)})"
-    if element is draw:
-        return sample
-    match element:
-        case ast.Subscript(value=ast.Name() as data, slice=index) if index is draw:
-            return f"[{ast.unparse(data)}[i] for i in {sample}]"
-    return None
-
-
-def _span(node: ast.expr | ast.stmt | ast.arg, text: Text) -> Span:
-    end = node.end_lineno or node.lineno
-    return Span(
-        node.lineno,
-        _character(text, node.lineno, node.col_offset),
-        end,
-        _character(text, end, node.end_col_offset or 0),
-    )
-
-
-def _character(text: Text, line: int, column: int) -> int:
-    """Turn a column in bytes, as ``ast`` counts, into one in characters."""
-    own = text.lines[line - 1]
-    return column if own.isascii() else len(own.encode()[:column].decode("utf-8", "replace"))
-
-
-# ---- where values hold----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Step:
-    """A statement, and the block it stands in."""
-
-    node: ast.stmt
-    block: int
-    index: int
-    parent: "_Step | None"
-
-
-class _Flow:
-    """The statements of a module, to see whether a value still holds somewhere else."""
-
-    def __init__(self, module: ast.Module, text: Text) -> None:
-        self.module = module
-        self._text = text
-        self._steps: list[_Step] = []
-        self._read(module.body, None)
-
-    def _read(self, body: Sequence[ast.stmt], parent: _Step | None) -> None:
-        for index, node in enumerate(body):
-            step = _Step(node, id(body), index, parent)
-            self._steps.append(step)
-            for name in ("body", "orelse", "finalbody"):
-                self._read(getattr(node, name, []), step)
-            for handler in getattr(node, "handlers", []):
-                self._read(handler.body, step)
-            for case in getattr(node, "cases", []):
-                self._read(case.body, step)
-
-    def functions(self) -> Iterator[tuple[str, ast.stmt]]:
-        """Yield the functions of the module itself."""
-        for node in self.module.body:
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                yield node.name, node
-
-    def function_at(self, span: Span) -> ast.stmt | None:
-        """Give the function that a place stands in."""
-        step = self._at(span)
-        return None if step is None else _function(step)
-
-    def may_go(self, node: ast.stmt) -> bool:
-        """Whether a block is left with something in it without a statement."""
-        own = next(step for step in self._steps if step.node is node)
-        return any(step.block == own.block and step is not own for step in self._steps)
-
-    def is_known_at(self, names_in: str, span: Span) -> bool:
-        """Whether the names in a text have a value at a place, by what stands before it."""
-        step = self._at(span)
-        if step is None:
-            return False
-        function = _function(step)
-        known = {name for name, _ in self.functions()} | {"len"}
-        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-            arguments = function.args
-            every = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
-            known |= {argument.arg for argument in every}
-        start = function.lineno if function is not None else 0
-        for node in ast.walk(self.module):
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                inside = start <= node.lineno < span.line
-                if inside and self._dominates_line(node.lineno, step):
-                    known.add(node.id)
-        bare = re.sub(r"\.\s*\w+", "", names_in)  # attributes belong to what they are of
-        return set(re.findall(r"[A-Za-z_]\w*", bare)) <= known
-
-    def _dominates_line(self, line: int, last: "_Step") -> bool:
-        return any(
-            step.node.lineno <= line <= (step.node.end_lineno or line) and _dominates(step, last)
-            for step in self._steps
-            if not isinstance(step.node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        )
-
-    def holds_until(self, names_in: str, start: Span, end: Span, *, anywhere: bool = False) -> bool:
-        """Whether the names in a text mean the same at ``end`` as at ``start``.
-
-        With ``anywhere`` the end may also be in a branch or loop that is not always reached.
-        """
-        if (start.line, start.column) >= (end.line, end.column) and (
-            start.end_line,
-            start.end_column,
-        ) <= (end.end_line, end.end_column):
-            return True  # the one stands inside the other
-        first, last = self._at(start), self._at(end)
-        if first is None or last is None or _function(first) is not _function(last):
-            return False
-        if not anywhere and not _dominates(first, last):
-            return False
-        names = set(re.findall(r"[A-Za-z_]\w*", names_in))
-        loops = [
-            step.node
-            for step in _ancestors(last)
-            if isinstance(step.node, ast.For | ast.While) and step not in _ancestors(first)
-        ]
-        for node, line, column in self._writes(names):
-            between = (start.line, start.column) < (line, column) < (end.line, end.column)
-            looped = any(loop.lineno <= line <= (loop.end_lineno or line) for loop in loops)
-            own = first.node.lineno <= line <= (first.node.end_lineno or line)
-            if (between or looped) and not own and node is not first.node:
-                return False
-        return True
-
-    def _writes(self, names: set[str]) -> Iterator[tuple[ast.AST, int, int]]:
-        for node in ast.walk(self.module):
-            if (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Attribute)
-                and node.func.attr in _CHANGES
-                and _last_name(node.func.value) in names
-            ):
-                yield node, node.lineno, node.col_offset
-            written = (isinstance(node, ast.Name) and node.id in names) or (
-                isinstance(node, ast.Attribute) and node.attr in names
-            )
-            if written and isinstance(node.ctx, ast.Store | ast.Del):  # type: ignore[attr-defined]
-                yield node, node.lineno, node.col_offset  # type: ignore[attr-defined]
-
-    def _at(self, span: Span) -> _Step | None:
-        """Find the innermost statement that holds a span."""
-        best: _Step | None = None
-        for step in self._steps:
-            line, column, end_line, end_column = _span(step.node, self._text)
-            starts = (line, column) <= (span.line, span.column)
-            if starts and (span.end_line, span.end_column) <= (end_line, end_column):
-                best = step  # inner statements come after the one they stand in
-        return best
-
-
-def _ancestors(step: _Step) -> list[_Step]:
-    found: list[_Step] = []
-    current: _Step | None = step
-    while current is not None:
-        found.append(current)
-        current = current.parent
-    return found
-
-
-def _last_name(node: ast.expr) -> str:
-    return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
-
-
-def _function(step: _Step) -> ast.stmt | None:
-    for above in _ancestors(step):
-        if isinstance(above.node, ast.FunctionDef | ast.AsyncFunctionDef):
-            return above.node
-    return None
-
-
-def _dominates(first: _Step, last: _Step) -> bool:
-    """Whether ``first`` has always run, in the same run of its block, when ``last`` does."""
-    return any(
-        above.block == first.block and above.index >= first.index for above in _ancestors(last)
-    )
 
 
 def _opens(node: ast.stmt) -> bool:

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ransac_fix.scan import algebra
-from ransac_fix.scan.algebra import Power, Probability
 from ransac_fix.scan.evaluate import Candidate
 from ransac_fix.scan.form import Expr, Fn, Function, Name, Num, Op, Over, Span
+from ransac_fix.scan.logarithms import log_arguments, quotients
+from ransac_fix.scan.monomials import Power, monomials
+from ransac_fix.scan.probability import Probability, classify
 
 _WAYS = 8
 
@@ -105,10 +107,10 @@ def _place(span: Span, formula: Expr | None) -> Span:
 
 def _quotient(candidate: Candidate) -> _Reading | None:
     best: _Reading | None = None
-    for quotient in islice(algebra.quotients(candidate.expr), _WAYS):
-        for argument in islice(algebra.log_arguments(quotient.bottom), _WAYS):
+    for quotient in islice(quotients(candidate.expr), _WAYS):
+        for argument in islice(log_arguments(quotient.bottom), _WAYS):
             for assumed in islice(algebra.complement(argument), _WAYS):
-                probability = algebra.classify(assumed)
+                probability = classify(assumed)
                 if probability is None:
                     continue
                 reading = _Reading(probability, assumed, _confidence(quotient.top))
@@ -120,7 +122,7 @@ def _quotient(candidate: Candidate) -> _Reading | None:
 
 def _confidence(top: Expr) -> Expr | None:
     """Read s out of log(1-s)."""
-    for argument in islice(algebra.log_arguments(top), _WAYS):
+    for argument in islice(log_arguments(top), _WAYS):
         match algebra.plain(argument):
             case Op(op="sub", args=(one, s)) if algebra.number(one) == 1.0:
                 return s  # even where both are numbers
@@ -134,7 +136,7 @@ def _test(candidate: Candidate) -> _Reading | None:
     best: _Reading | None = None
     for side, other, whole in _sides(left, right):
         for assumed, trials, formula in _failure_powers(side, other):
-            probability = algebra.classify(assumed)
+            probability = classify(assumed)
             if probability is None:
                 continue
             confidence = next(algebra.complement(other), other) if whole else None
@@ -170,7 +172,7 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
     logarithmic = _is_logarithmic(other)
     for formula in islice(algebra.readings(side), _WAYS):
         for reading in (formula, *islice(algebra.complement(formula), _WAYS)):
-            for monomial in islice(algebra.monomials(reading), _WAYS):
+            for monomial in islice(monomials(reading), _WAYS):
                 for power in monomial.powers:
                     # (1-P)**N, or (1-P) once more in each run of a loop
                     if power.symbol is None or not _all_fail(monomial.powers, power):
@@ -178,7 +180,7 @@ def _failure_powers(side: Expr, other: Expr) -> Iterator[tuple[Expr, Expr, Expr]
                     for assumed in islice(algebra.complement(power.base), _WAYS):
                         yield assumed, power.symbol, formula
         for log, trials in _multiples(formula, other) if logarithmic else ():
-            for argument in islice(algebra.log_arguments(log), _WAYS):
+            for argument in islice(log_arguments(log), _WAYS):
                 for assumed in islice(algebra.complement(argument), _WAYS):
                     yield assumed, trials, formula
 
@@ -191,7 +193,7 @@ def _all_fail(powers: Sequence[Power], power: Power) -> bool:
         or (
             other.symbol is None
             and any(
-                algebra.classify(assumed) is not None
+                classify(assumed) is not None
                 for assumed in islice(algebra.complement(other.base), _WAYS)
             )
         )
@@ -205,7 +207,7 @@ def _is_logarithmic(expr: Expr) -> bool:
         match reading:
             case Op(op="div", args=(top, _)):
                 reading = top
-        if any(True for _ in algebra.log_arguments(reading)):
+        if any(True for _ in log_arguments(reading)):
             return True
     return False
 

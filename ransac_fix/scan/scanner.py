@@ -18,6 +18,7 @@ from ransac_fix.scan.files import SourceFile
 from ransac_fix.scan.findings import Cell, Finding, Location, Related, ScanError
 from ransac_fix.scan.form import Module
 from ransac_fix.scan.gates import gate_for
+from ransac_fix.scan.nodes import TooComplex
 from ransac_fix.scan.notebook import NotANotebook, Notebook, read_notebook
 from ransac_fix.scan.prose import Prose, blocks, may_state_a_rule, python_prose
 from ransac_fix.scan.reading import ReadSite, Text, read_sites
@@ -160,7 +161,7 @@ def scan_source(
         return (), (_error(file, "nested too deeply"),)
     except MemoryError:
         return (), (_error(file, "too complex: out of memory"),)
-    except evaluate.TooComplex:
+    except TooComplex:
         return (), (_error(file, "too complex: more expressions than code written by hand has"),)
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Certainty, Finding
 from ransac_fix.scan.form import Choice, Expr, Fn, If, Item, Loop, Name, Num, Op, Ref, Stmt
+from ransac_fix.scan.logarithms import quotients
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.rules.base import Rule, ScannedFile, power_of
 from ransac_fix.scan.walk import expressions
@@ -295,7 +296,7 @@ class _Path:
         self.above: list[Expr] = []
         self.below: list[Expr] = []
         self.log: Fn | None = None
-        bottom = next(iter(algebra.quotients(quotient)), None)
+        bottom = next(iter(quotients(quotient)), None)
         way = _way(quotient, bottom.bottom) if bottom is not None else None
         if bottom is None or way is None or not isinstance(bottom.bottom, Fn):
             return
