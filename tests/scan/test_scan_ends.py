@@ -89,6 +89,28 @@ def test_guarded_rules_are_silent(body):
     assert messages(HEAD + RATIO + body) == []
 
 
+def test_a_test_of_the_ratio_guards_what_a_fix_makes_of_its_counts():
+    source = (
+        "import math\n"
+        "def _all_inlier_probability(I, n, k):\n    p = 1.0\n"
+        "    for i in range(k):\n        p *= max(I - i, 1) / max(n - i, 1)\n    return max(p, 2.0**-53) if I > 0 else p\n"
+        "def ransac(points, k, s):\n    trials, t = 100, 0\n    while t < trials:\n"
+        "        inliers = fit(points)\n        w = len(inliers) / len(points)\n"
+        "        if w == 1:\n            break\n"
+        "        p = _all_inlier_probability(len(inliers), len(points), k)\n"
+        "        trials = math.log(1 - s) / math.log(1 - p)\n        t += 1\n"
+    )
+    inline = source.replace("        p = _all", "        q = _all").replace(
+        "(1 - p)", "(1 - _all_inlier_probability(len(inliers), len(points), k))"
+    )
+    assert messages(inline) == []
+    unguarded = inline.replace("w == 1", "t == 1")
+    assert "ValueError" in messages(unguarded)[0]
+    assert (
+        messages(unguarded.replace("(1 - _all", "(max(1e-9, 1 - _all").replace("k))", "k)))")) == []
+    )
+
+
 def test_a_helper_that_is_called_with_small_samples_is_silent():
     source = (
         "import numpy as np\n"

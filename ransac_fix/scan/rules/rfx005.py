@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Certainty, Finding
-from ransac_fix.scan.form import Choice, Expr, Fn, If, Item, Loop, Name, Num, Op, Ref, Stmt
+from ransac_fix.scan.form import Assign, Choice, Expr, Fn, If, Item, Loop, Name, Num, Op, Ref, Stmt
 from ransac_fix.scan.logarithms import quotients
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.rules.base import Rule, ScannedFile, power_of
-from ransac_fix.scan.walk import expressions
+from ransac_fix.scan.walk import expressions, functions
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
 # What catches a number that is none, or takes its sign away.
@@ -25,6 +25,8 @@ _INTEGER = (
     r"|\b(?:unsigned(?:\s+int)?|int|u?int\d+_t|size_t|long)\s+\w+\s*=)"
 )
 _TO_INTEGER = re.compile(_INTEGER + r"[^;{}]*$")
+_IDENTIFIER = re.compile(r"[^\W\d]\w*")
+_HELPER = "all_inlier_probability"  # of a fix
 _SMALL_SAMPLE = 4
 _LEVELS = 24
 
@@ -212,6 +214,10 @@ def _hazard(read: ReadSite, file: ScannedFile) -> str | None:
     if not read.adaptive or _is_caught(read, file):
         return None
     names = {*path.names, *([candidate.target] if candidate.target else [])}
+    names.update(_ratios(read, file))
+    if _is_fixed(read):  # the counts are not on the way to a product, but in the call of it
+        for role in ("n_inliers", "n_samples"):
+            names.update(_IDENTIFIER.findall(read.roles.get(role, "")))
     tests = list(_tests(read, file))
     if any(_guards(test, names, read) for test in tests):
         return None
@@ -262,9 +268,7 @@ def _comes_near_one(
 
 def _fails_on_all_inliers(read: ReadSite, path: "_Path", file: ScannedFile) -> bool:
     log = path.log
-    # What a fix calls guards the other end only.
-    bounded = path.bounded and "all_inlier_probability(" not in read.expression
-    if file.language not in ("python", "notebook") or bounded or log is None:
+    if file.language not in ("python", "notebook") or log is None or path.bounded_by(read, file):
         return False
     if not _has_counts(read) or log.span is None:
         return False
@@ -310,8 +314,17 @@ class _Path:
     @property
     def bounded(self) -> bool:
         """Whether any clamp or choice stands on the way."""
+        return any(_is_bound(one) for one in (*self.above, *self.below))
+
+    def bounded_by(self, read: ReadSite, file: ScannedFile) -> bool:
+        """Whether the code itself bounds it: what a fix calls guards the other end only."""
+        if not _is_fixed(read):
+            return self.bounded
+        added = [one.span for one in functions(file.module.body) if _HELPER in one.name]
         return any(
-            isinstance(one, Choice) or (isinstance(one, Fn) and one.name == "clamp")
+            _is_bound(one)
+            and one.span is not None
+            and not any(span.line <= one.span.line <= span.end_line for span in added)
             for one in (*self.above, *self.below)
         )
 
@@ -344,6 +357,14 @@ class _Path:
                         if value is not None and 2.3e-16 < value < 1e-3 and complement:
                             return f"{value:g}"
         return None
+
+
+def _is_bound(expr: Expr) -> bool:
+    return isinstance(expr, Choice) or (isinstance(expr, Fn) and expr.name == "clamp")
+
+
+def _is_fixed(read: ReadSite) -> bool:
+    return f"{_HELPER}(" in read.expression
 
 
 def _wrong_sign(above: Iterable[Expr], file: ScannedFile) -> str | None:
@@ -437,31 +458,49 @@ def _is_caught(read: ReadSite, file: ScannedFile) -> bool:
     )
 
 
-def _tests(read: ReadSite, file: ScannedFile) -> Iterator[Expr]:
-    """Yield what the functions around a site compare and test."""
+def _bodies(read: ReadSite, file: ScannedFile) -> list[tuple[Stmt, ...]]:
+    """Give the bodies of the functions around a site."""
     functions = {
         id(one): one
         for one in (read.site.function, *(one.function for one in read.site.seen))
         if one is not None
     }
-    bodies = [one.body for one in functions.values()] or [file.module.body]
-    for body in bodies:
+    return [one.body for one in functions.values()] or [file.module.body]
+
+
+def _tests(read: ReadSite, file: ScannedFile) -> Iterator[Expr]:
+    """Yield what the functions around a site compare and test."""
+    for body in _bodies(read, file):
         for expr, _, _ in expressions(body, None, 0):
             if isinstance(expr, Op) and expr.op in _COMPARISONS:
                 yield expr
-        yield from _plain_tests(body)
+        for stmt in _statements(body):
+            if isinstance(stmt, If) and not (
+                isinstance(stmt.test, Op) and stmt.test.op in _COMPARISONS
+            ):
+                yield stmt.test
 
 
-def _plain_tests(body: tuple[Stmt, ...]) -> Iterator[Expr]:
+def _ratios(read: ReadSite, file: ScannedFile) -> Iterator[str]:
+    """Yield the names of what is made of both counts: a test of one keeps the same ends away."""
+    counts = (read.roles.get("n_inliers"), read.roles.get("n_samples"))
+    for body in _bodies(read, file):
+        for stmt in _statements(body):
+            if isinstance(stmt, Assign) and stmt.target and stmt.value.span is not None:
+                made_of = file.text.at(stmt.value.span)
+                if all(count is not None and count in made_of for count in counts):
+                    yield stmt.target
+
+
+def _statements(body: tuple[Stmt, ...]) -> Iterator[Stmt]:
     for stmt in body:
+        yield stmt
         match stmt:
             case If():
-                if not (isinstance(stmt.test, Op) and stmt.test.op in _COMPARISONS):
-                    yield stmt.test
-                yield from _plain_tests(stmt.body)
-                yield from _plain_tests(stmt.orelse)
+                yield from _statements(stmt.body)
+                yield from _statements(stmt.orelse)
             case Loop():
-                yield from _plain_tests(stmt.body)
+                yield from _statements(stmt.body)
             case _:
                 pass
 
