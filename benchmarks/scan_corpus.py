@@ -7,8 +7,8 @@ and perhaps ``set``; ``benchmarks/scan_fresh.tsv``, ``benchmarks/scan_blind.tsv`
 ``benchmarks/scan_blind3.tsv`` are three, of sites that the recogniser was not written against:
 ``open`` sites were read first and what was missed in them then mended, ``held-out`` ones were read
 after that. The sites of the second and third were labelled before any scan of them. In the third,
-``copy`` marks code of which a line stood in repositories seen before, and ``other file`` rules whose
-power stands in another file.
+``copy`` marks code of which a line stood in repositories seen before, and ``other file`` rules
+whose power stands in another file.
 MIRROR holds one git directory a repository, ``owner+name/repo`` (bare or with ``.git``).
 
 Labels: ``approx`` a rule with the power, ``exact`` one with the product, ``fixed`` RANSAC code
