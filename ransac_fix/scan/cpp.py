@@ -49,6 +49,10 @@ _BLOCKS = frozenset(
         "init_statement",
     )
 )
+# What holds no declaration, where it has been read without an error.
+_WITHOUT_DECLARATIONS = frozenset(
+    ("init_declarator", "expression_statement", "return_statement", "comment", "using_declaration")
+)
 _MAX_DEPTH = 120
 # The names that a file gives to types, and how those of other files end.
 _NAMED_TYPE = re.compile(
@@ -68,12 +72,12 @@ Node = tree_sitter.Node
 
 def parse(source: str) -> form.Module:
     """Read one C, C++ or CUDA file; what is nested too deeply is left out."""
-    return _Reader(source).module()
+    return _Reader.of_file(source).module()
 
 
 def comments(source: str) -> Iterator[Comment]:
     """Yield the comments of a file."""
-    reader = _Reader(source)
+    reader = _Reader.of_file(source)
     stack = [reader.root]
     while stack:
         node = stack.pop()
@@ -83,9 +87,9 @@ def comments(source: str) -> Iterator[Comment]:
 
 
 class _Reader:
-    def __init__(self, source: str) -> None:
-        self._bytes = source.encode("utf-8", "surrogatepass")
-        self.root = cpp_tree.parse(self._bytes)
+    def __init__(self, source: str, data: bytes, root: Node, types: frozenset[str]) -> None:
+        self._bytes = data
+        self.root = root
         self._lines: list[bytes] | None = None
         if not source.isascii():
             self._lines = self._bytes.split(b"\n")
@@ -95,8 +99,19 @@ class _Reader:
         self._distributions: set[str] = set()
         self._fields: dict[str, list[str]] = {}
         self._globals: set[str] = set()
+        self._types = types
+
+    @classmethod
+    def of_file(cls, source: str) -> "_Reader":
+        data = source.encode("utf-8", "surrogatepass")
         named = _NAMED_TYPE.findall(source)
-        self._types = frozenset(name for pair in named for name in pair if name)
+        types = frozenset(name for pair in named for name in pair if name)
+        return cls(source, data, cpp_tree.parse_file(data)[0], types)
+
+    def _part(self, source: str) -> "_Reader":
+        """Read what stands by itself in a file, with the types that the file names."""
+        data = source.encode("utf-8", "surrogatepass")
+        return _Reader(source, data, cpp_tree.parse(data), self._types)
 
     def module(self) -> form.Module:
         return form.Module(tuple(self._statements(self.root.named_children)))
@@ -393,7 +408,12 @@ class _Reader:
 
     def _steps(self, node: Node | None, out: list[Stmt]) -> None:
         """Count what an expression counts in passing: ``kept[n++] = i``."""
-        stack = list(reversed(node.named_children)) if node is not None else []
+        if node is None:
+            return
+        text = self._bytes[node.start_byte : node.end_byte]
+        if b"++" not in text and b"--" not in text:
+            return
+        stack = list(reversed(node.named_children))
         while stack:
             inner = stack.pop()
             if inner.type == "update_expression":
@@ -475,10 +495,9 @@ class _Reader:
             if one.type == "identifier"
         )
         for opened, closed in (("auto _ =", ";"), ("void _() {", ";}")):
-            inner = _Reader(self._alone(value, opened, closed))
+            inner = self._part(self._alone(value, opened, closed))
             if inner.root.has_error:
                 continue
-            inner._types = self._types
             match inner.module().body:
                 case (form.Assign(value=read),) if listed is None:
                     out.append(form.Assign(name, read))
@@ -508,7 +527,10 @@ class _Reader:
                     name = self._declared(declarator)
                     if name:
                         self._declare(name)
-            if node.type != "lambda_expression":
+            kind = node.type
+            if kind == "lambda_expression":
+                continue
+            if kind not in _WITHOUT_DECLARATIONS or node.has_error:
                 stack.extend(node.named_children)
 
     def _initializers(self, node: Node, out: list[Stmt]) -> None:

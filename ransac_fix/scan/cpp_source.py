@@ -93,7 +93,7 @@ class CppSource(Source):
     def __init__(self, text: Text, path: str) -> None:
         super().__init__(text)
         self._bytes = text.source.encode("utf-8", "surrogatepass")
-        self._root, self._parsed = cpp_tree.parse_and_blank(self._bytes)
+        self._root, self._parsed = cpp_tree.parse_file(self._bytes)
         self._lines = self._bytes.split(b"\n")
         self._starts = [0]
         for line in self._lines:

@@ -7,6 +7,7 @@ macro by itself, and of a condition all but the first branch. Blanks keep every 
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 import tree_sitter
 import tree_sitter_cpp
@@ -24,12 +25,17 @@ _NOT_LINE_END = re.compile(rb"[^\r\n]")
 
 
 def parse(source: bytes) -> Node:
-    """Parse a file; where that fails, without what only the preprocessor understands."""
-    return parse_and_blank(source)[0]
+    """Parse a part of a file; where that fails, without what only the preprocessor understands."""
+    return _parse_and_blank(source)[0]
 
 
-def parse_and_blank(source: bytes) -> tuple[Node, bytes]:
+@lru_cache(maxsize=1)  # its comments, its code and its fixes are read one after the other
+def parse_file(source: bytes) -> tuple[Node, bytes]:
     """Parse a file, and give the source as it was parsed, with blanks."""
+    return _parse_and_blank(source)
+
+
+def _parse_and_blank(source: bytes) -> tuple[Node, bytes]:
     root = _tree(source)
     for without in (_without_lone_macros, _without_branches):
         if not root.has_error:

@@ -1,6 +1,7 @@
 """Small questions about what an expression is, as it stands: its shape, and what its name says."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 from ransac_fix.scan.form import Choice, Expr, Fn, Function, Lambda, Leave, Name, Num, Op, Ref
 
@@ -65,6 +66,7 @@ def multiplies(function: Expr) -> bool:
     return False
 
 
+@lru_cache(maxsize=4096)
 def says_log(name: str) -> bool:
     """Whether a name says it holds a logarithm: ``log_probability``, ``logConf``, ``lnP``."""
     last = name.rpartition(".")[2].lower()

@@ -1,5 +1,6 @@
 """Nothing that is scanned can crash the scan, or make it hang."""
 
+import gc
 import os
 import time
 from pathlib import Path
@@ -244,6 +245,19 @@ def test_cost_stays_bounded(source):
     start = time.process_time()
     scan_source(source, PYTHON, gate=False)
     assert time.process_time() - start < 20
+
+
+def test_what_was_read_of_a_file_is_freed_with_the_collector_off():
+    source = "def ransac(w, k):\n    return log(0.01) / log(1 - w**k)\n"
+    gc.collect()
+    gc.disable()
+    try:
+        findings, _ = scan_source(source, PYTHON)
+        left = {type(one).__name__ for one in gc.get_objects()}
+    finally:
+        gc.enable()
+    assert findings
+    assert not left & {"_Evaluator", "Nodes", "_File"}
 
 
 def test_a_large_file_is_skipped_with_its_reason(tmp_path: Path):
