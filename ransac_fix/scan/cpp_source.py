@@ -40,6 +40,9 @@ _INTEGER = re.compile(
     r"^(?:(?:std::)?(?:size_t|ssize_t|ptrdiff_t|u?int(?:_fast|_least)?\d*_t|int|long|short|unsigned"
     r"|signed|char|uint|index_t|uchar|ulong|ushort)\s*)+$|(?:^|::)Index$"
 )
+_ARRAY = re.compile(
+    r"\b(?:Array|Matrix|Vector|RowVector)(?:X|\d|<)|\b(?:Mat|Mat_|Tensor|valarray)\b(?!::)"
+)
 _FLOAT = re.compile(r"^(?:long\s+)?double$|^float$|^half$")
 # Functions that read their arguments and no more.
 _LOOKS = frozenset(
@@ -307,6 +310,16 @@ class CppSource(Source):
             elif not _SIMPLE.fullmatch(self._text(function)):
                 return False
         return True
+
+    def is_array(self, expr: Expr, place: Span) -> bool:
+        """Whether a name in an expression is declared as an array that is computed with."""
+        match expr:
+            case Name(name=name) | Ref(name=name):
+                kinds = self._types(name.rpartition(".")[2], self._node(place))
+                return any(map(_ARRAY.search, kinds))
+            case Op(args=args) | Fn(name="same" | "clamp", args=args):
+                return any(self.is_array(arg, place) for arg in args)
+        return False
 
     def declared_count(self, name: str, near: Span | None) -> bool | None:
         """Say whether a name is declared as an integer."""

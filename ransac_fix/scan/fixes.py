@@ -53,6 +53,9 @@ def fix_probability(read: ReadSite, source: Source, path: str) -> Fix | str:
     drawn = size_drawn(read)
     if drawn is not None:
         return f"{size} is not the size of the sample, {drawn}: see RFX004"
+    for expr in (probability.ratio, probability.exponent):
+        if expr is not None and source.is_array(expr, target.span):
+            return _not_a_number(expr, source)
     support = source.support(target.span, path)
     if isinstance(support, str):
         return support
@@ -92,6 +95,10 @@ def fix_sampler(read: ReadSite, source: Source, path: str) -> Fix | str:
     if isinstance(edits, str):
         return edits
     return Fix("draw distinct samples", safe=False, edits=edits)
+
+
+def _not_a_number(expr: Expr, source: Source) -> str:
+    return f"{source.spell(expr)} may be an array, and the probability takes numbers"
 
 
 # ---- counts ---------------------------------------------------------------------------------
@@ -194,6 +201,8 @@ def _values(counts: Counts, source: Source, place: Span) -> tuple[str, str, str]
         text = source.spell(count)
         if not text or any(mark in text for mark in ("//", "/*", "#")):
             return "the counts cannot be spelled here"
+        if source.is_array(count, made_at):
+            return _not_a_number(count, source)
         moved = not is_inside(made_at, place)
         if moved and not source.is_repeatable(count):
             return f"{text} would be worked out twice"
@@ -305,6 +314,8 @@ def _calls(
         probability = None if candidate is None else probability_of(candidate)
         ratio = None if probability is None else probability.ratio
         counts = None if ratio is None else counts_of(ratio)
+        if ratio is not None and source.is_array(ratio, call.argument.span):
+            return f"in line {line} {_not_a_number(ratio, source)}"
         if counts is not None:
             values = _values(counts, source, call.argument.span)
         else:

@@ -124,10 +124,13 @@ def _power(monomial: Monomial) -> Probability | None:
     for power in monomial.powers:
         symbol = "" if power.symbol is None else key(power.symbol)
         groups.setdefault(symbol, []).append(power)
+    sizes = {symbol: _completed(members, groups) for symbol, members in groups.items() if symbol}
     found: list[Probability] = []
     left_over = 0
     for symbol, members in groups.items():
-        read = _symbolic(members) if symbol else _numeric(members)
+        if not members:
+            continue
+        read = _symbolic(members, sizes[symbol]) if symbol else _numeric(members)
         if read is None:
             left_over += len(members)
         else:
@@ -137,13 +140,34 @@ def _power(monomial: Monomial) -> Probability | None:
     return replace(found[0], other_factors=left_over + len(found) - 1)
 
 
-def _symbolic(members: list[Power]) -> Probability | None:
+def _completed(members: list[Power], groups: dict[str, list[Power]]) -> Expr | None:
+    """Give k for the factors w**(k-1) and w, and take the second from those without a symbol."""
+    symbol = members[0].symbol
+    size = None if symbol is None else _one_more(symbol)
+    bases = {key(power.base): power.exponent for power in members}
+    completing = [power for power in groups.get("", []) if key(power.base) in bases]
+    once = {key(power.base): power.exponent for power in completing}
+    if size is None or once != bases or not len(completing) == len(bases) == len(members):
+        return None
+    groups[""] = [power for power in groups[""] if power not in completing]
+    return size
+
+
+def _one_more(expr: Expr) -> Expr | None:
+    """Give k for k - 1."""
+    signed = list(terms(expr))
+    constant = sum(sign * (number(term) or 0.0) for sign, term in signed)
+    others = [(sign, term) for sign, term in signed if number(term) is None]
+    return others[0][1] if constant == -1.0 and [sign for sign, _ in others] == [1] else None
+
+
+def _symbolic(members: list[Power], size: Expr | None) -> Probability | None:
     symbol = members[0].symbol
     tops = [power for power in members if power.exponent > 0]
     bottoms = [power for power in members if power.exponent < 0]
     if symbol is None or not tops or _is_reciprocal(symbol):
         return None
-    return _ratio_power(tops, bottoms, symbol, None)
+    return _ratio_power(tops, bottoms, size or symbol, None)
 
 
 def _numeric(members: list[Power]) -> Probability | None:

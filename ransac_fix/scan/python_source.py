@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from ransac_fix.scan.findings import Edit, FixStyle
 from ransac_fix.scan.form import Expr, Name, Op, Span
 from ransac_fix.scan.python import tree
+from ransac_fix.scan.python_arrays import Arrays
 from ransac_fix.scan.python_flow import Flow, character, span_of
 from ransac_fix.scan.python_sampler import distinct, distinct_list, population_of
 from ransac_fix.scan.reading import Text
@@ -78,6 +79,19 @@ class PythonSource(Source):
             return _only_looks(ast.parse(text, mode="eval"))
         except SyntaxError:
             return False
+
+    def is_array(self, expr: Expr, place: Span) -> bool:
+        """Whether an expression is an array, or a list, by what the file says of it."""
+        text = self.spell(expr)
+        if not text:
+            return False
+        function = self._flow.function_at(place)
+        inside = [function] if isinstance(function, _Definition) else []
+        try:
+            node = ast.parse(text, mode="eval").body
+        except SyntaxError:
+            return False
+        return Arrays([*inside, self._module]).has(node)
 
     def quotient(self, n_inliers: str, n_samples: str) -> str:
         """Spell a true division."""

@@ -125,6 +125,11 @@ class Source(ABC):
     def quotient(self, n_inliers: str, n_samples: str) -> str:
         """Spell the ratio of two numbers."""
 
+    def is_array(self, expr: Expr, place: Span) -> bool:
+        """Whether an expression of a place is an array of numbers, for all that is seen."""
+        del expr, place
+        return False
+
     def declared_count(self, name: str, near: Span | None) -> bool | None:
         """Say whether a name is declared as an integer; None where the language does not say."""
         del name, near

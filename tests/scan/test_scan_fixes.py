@@ -348,6 +348,71 @@ def test_says_why_there_is_no_fix(source, why):
     assert why in finding.no_fix
 
 
+ARRAYS = (
+    "_, c = np.unique(labels, return_counts=True); n = c.sum()",
+    "c = np.bincount(labels); n = len(labels)",
+    "c = np.array([5, 6, 7]); n = 10",
+    "c = np.arange(1, n)",
+    "c = np.arange(1, n)[labels > 0] + 1",
+    "c = (labels == 1).sum(axis=1)",
+    "c = (labels == 1).sum(0)",
+    "c = np.sum(labels == 1, 1).astype(float)",
+    "c: np.ndarray = labels",
+    "c = [len(one) for one in labels]; c = np.asarray(c)",
+    "c = 3; k = np.arange(2, 9)",
+)
+NUMBERS = (
+    "c = np.bincount(labels)[1]",
+    "c = np.bincount(labels).max()",
+    "c = np.sum(labels == 1)",
+    "c = int((labels == 1).sum())",
+    "c = (labels == 1).sum(axis=None)",
+    "c = len(np.unique(labels))",
+    "c = labels.size(0)",
+    "c = len(np.where(labels)[0])",
+)
+
+
+def _of_many(counts: str) -> str:
+    return f"""
+import numpy as np
+
+def ransac(labels, n, k, s):
+    {counts}
+    w = c / n
+    return np.log(1 - s) / np.log(1 - w**k)
+"""
+
+
+@pytest.mark.parametrize("counts", ARRAYS)
+def test_passes_no_array_where_a_number_is_taken(counts):
+    findings, _ = scan_source(_of_many(counts), SourceFile("a.py", "python", named=True))
+    assert [one.fix for one in findings if one.code == "RFX001"] == [None]
+    assert "may be an array, and the probability takes numbers" in findings[0].no_fix
+
+
+@pytest.mark.parametrize("counts", NUMBERS)
+def test_passes_a_number_that_is_made_of_an_array(counts):
+    findings, _ = scan_source(_of_many(counts), SourceFile("a.py", "python", named=True))
+    assert [one.fix is not None for one in findings if one.code == "RFX001"] == [True]
+
+
+def test_passes_no_array_that_a_call_gives():
+    source = """
+import numpy as np
+
+def _ransac_trials(w, k, s):
+    return np.log(1 - s) / np.log(1 - w**k)
+
+def table(n, k, s):
+    n_inliers = np.arange(1, n)
+    return _ransac_trials(n_inliers / n, k, s)
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.py", "python", named=True))
+    assert finding.fix is None
+    assert "may be an array" in finding.no_fix
+
+
 def test_a_helper_that_others_may_call_takes_counts_only_when_asked():
     source = """
 from math import log

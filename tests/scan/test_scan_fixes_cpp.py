@@ -426,6 +426,12 @@ double trials(int n_inliers, int n, int k) {
 }""",
         "only the ratio",
     ),
+    "an array of counts": (
+        """Eigen::ArrayXd trials(const Eigen::ArrayXd& n_inliers, double n, int k) {
+  return log(0.01) / log(1 - pow(n_inliers / n, k));
+}""",
+        "may be an array, and the probability takes numbers",
+    ),
     "solved for the inliers": (
         """double unseen(int n, int k, int iterations, double miss) {
   return n * pow(1.0 - pow(miss, 1.0 / iterations), 1.0 / k);

@@ -495,6 +495,39 @@ def ransac_update(best_inliers, points, sample_size, confidence):
     assert found.adaptive
 
 
+@pytest.mark.parametrize(
+    "power",
+    ["w ** (k - 1) * w", "w * pow(w, k - 1)", "(I / n) ** (k - 1) * (I / n)", "w ** (-1 + k) * w"],
+)
+def test_a_factor_that_completes_a_power_is_part_of_its_size(power):
+    (found,) = sites(rule(power))
+    assert found.roles["sample_size"] == "k"
+    assert found.site.probability.other_factors == 0
+
+
+def test_a_factor_behind_a_loop_that_stops_one_early_is_part_of_the_size():
+    source = """
+def ransac(w, sample_size, s):
+    N = 0
+    while True:
+        N += 1
+        f = 1
+        for _ in range(sample_size - 1):
+            f *= w
+        f = 1 - f * w
+        if f**N < 1 - s:
+            return N
+"""
+    (found,) = sites(source)
+    assert found.roles["sample_size"] == "sample_size"
+
+
+@pytest.mark.parametrize("power", ["w ** (k - 2) * w", "w ** (k - 1) * e", "w ** (k - 1) * w * w"])
+def test_any_other_factor_is_not(power):
+    (found,) = sites(rule(power))
+    assert found.roles["sample_size"] != "k"
+
+
 def test_names_lie_and_structure_decides():
     source = """
 from math import log
