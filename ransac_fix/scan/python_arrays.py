@@ -89,6 +89,8 @@ class Arrays:
             return False  # it is made of itself
         self._seen.add(name)
         for scope in self._scopes:
+            if _is_tested(name, scope):
+                return False
             kinds, values = _set_to(name, scope)
             if any(map(_ANNOTATED.search, kinds)) or any(map(self.has, values)):
                 return True
@@ -111,6 +113,22 @@ class Arrays:
         if name in _KEEPS:
             return any(map(self.has, node.args if of_module else [base, *node.args]))
         return name in _MAKES
+
+
+def _is_tested(name: str, scope: Scope) -> bool:
+    """Whether a branch or a loop compares a name by itself, which no array can stand."""
+    tests = [one.test for one in ast.walk(scope) if isinstance(one, ast.If | ast.While | ast.IfExp)]
+    for test in tests:
+        match test:
+            case ast.BoolOp(values=values):
+                tests += values
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                tests.append(operand)
+            case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE()]):
+                sides = (left, *test.comparators)
+                if any(isinstance(one, ast.Name) and one.id == name for one in sides):
+                    return True
+    return False
 
 
 def _set_to(name: str, scope: Scope) -> tuple[list[str], list[ast.expr]]:
