@@ -51,6 +51,7 @@ from ransac_fix.scan.loops import (
 )
 from ransac_fix.scan.members import Members
 from ransac_fix.scan.nodes import LOG, MAX_CHOICES, POW, Nodes
+from ransac_fix.scan.relevance import relevance
 from ransac_fix.scan.shapes import is_complement, says_log, selects, unwrap
 from ransac_fix.scan.walk import functions as functions_of
 
@@ -148,8 +149,8 @@ class _Evaluator:
         env: Env = {}
         self._block(self._module.body, env)
         self._globals = env
-        everything = list(functions_of(self._module.body))
-        for function in everything:
+        matter = relevance(self._module.body)
+        for function in matter.needed:
             names = assigned(function.body)
             sets_members = function.owner and any("." in name for name in names)
             if sets_members or any(name.startswith("global.") for name in names):
@@ -160,7 +161,7 @@ class _Evaluator:
         self._members.close()
         self._recording = self._second = True
         self._block(self._module.body, {})
-        for function in everything:
+        for function in matter.showing:
             self._summary(function)
         return self._found
 
