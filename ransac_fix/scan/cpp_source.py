@@ -312,10 +312,11 @@ class CppSource(Source):
         return True
 
     def is_array(self, expr: Expr, place: Span) -> bool:
-        """Whether a name in an expression is declared as an array that is computed with."""
+        """Whether a name in an expression is declared as an array, by the function around it."""
         match expr:
             case Name(name=name) | Ref(name=name):
-                kinds = self._types(name.rpartition(".")[2], self._node(place))
+                around = (one for one in ancestors(self._node(place)) if one.type in FUNCTIONS)
+                kinds = [kind for one in around for kind in self._types_in(one, name)]
                 return any(map(_ARRAY.search, kinds))
             case Op(args=args) | Fn(name="same" | "clamp", args=args):
                 return any(self.is_array(arg, place) for arg in args)

@@ -449,6 +449,19 @@ def test_says_why_there_is_no_fix(source, why):
     assert why in finding.no_fix
 
 
+def test_an_array_of_another_function_is_no_count_of_this_one():
+    source = """#include <cmath>
+// ransac
+void Solver::Fit() { cv::Mat N(4, 4, CV_32F); use(N); }
+void Solver::SetTrials() {
+  double w = (double)n_inliers / N;
+  trials = log(0.01) / log(1 - pow(w, 3));
+}
+"""
+    (finding,), _ = scan_source(source, SourceFile("a.cpp", "c++", named=True))
+    assert finding.fix is not None
+
+
 UNSAFE = {
     "a call that may change a member": """
 struct Ransac {
