@@ -21,6 +21,7 @@ _MINUS = 4  # something with a minus before it
 _COMPLEMENT = 8  # one less a power
 _LESS_ONE = 16  # a power less one
 _LOG = 32  # made of logarithms
+_DIFFERENCE = 64  # a power less a power: n**k - i**k, to be divided by n**k
 
 _SIGNED = _COMPLEMENT | _LESS_ONE
 _MOST_VISITS = 2000
@@ -531,7 +532,7 @@ class _File:
         if operator is ast.Mult:
             return self._product(left, right, one, other)
         if operator is ast.Div or operator is ast.FloorDiv:
-            return both & ~_ONE | (left & right & _ONE)
+            return _quotient(both) | (left & right & _ONE)
         return 0
 
     def _product(self, left: int, right: int, one: ast.expr, other: ast.expr) -> int:
@@ -601,7 +602,7 @@ class _File:
     def _known_function(self, kind: str, node: ast.Call, everything: int) -> int:
         match kind:
             case "log":
-                if everything & _COMPLEMENT:
+                if everything & (_COMPLEMENT | _DIFFERENCE):
                     raise _Found
                 return _LOG
             case "log1p":
@@ -642,7 +643,7 @@ class _File:
             case "mul":
                 return everything & ~_ONE | _POWER
             case "div":
-                return everything & ~_ONE
+                return _quotient(everything)
         return 0
 
     def _pass(
@@ -679,8 +680,12 @@ def _sum(left: int, right: int) -> int:
 def _difference(left: int, right: int) -> int:
     facts = _sum(left, _negative(right) if right & (_POWER | _LESS_ONE) else right)
     if left & right & _POWER:
-        facts |= _COMPLEMENT  # n**k - i**k, to be divided by n**k
+        facts |= _DIFFERENCE
     return facts | _LESS_ONE if left & _POWER and right & _ONE else facts
+
+
+def _quotient(both: int) -> int:
+    return both & ~_ONE | (_COMPLEMENT if both & _DIFFERENCE else 0)
 
 
 def _is_literal(node: ast.expr) -> bool:

@@ -9,7 +9,7 @@ import re
 
 _STRONG_WORDS = (
     *("ransac", "inlier", "outlier", "consensus", "msac", "prosac"),
-    *("lmeds", "least median", "mlesac", "magsac", "napsac", "usac"),
+    *("lmeds", "least median", "mlesac", "magsac"),
 )
 # The problems that it solves, and inliers as many spell them; written as one word or as two.
 _WEAK_PHRASES = (
