@@ -28,7 +28,7 @@ from ransac_fix.scan.form import (
     Stmt,
 )
 from ransac_fix.scan.shapes import says_log
-from ransac_fix.scan.walk import children
+from ransac_fix.scan.walk import children, statements
 from ransac_fix.scan.walk import functions as functions_of
 
 _KINDS = {**functions.UNARY, **functions.BINARY}
@@ -227,17 +227,10 @@ def _multiplies(body: tuple[Stmt, ...]) -> bool:
 
 
 def _assignments(body: tuple[Stmt, ...]) -> Iterator[tuple[str, Expr]]:
-    for stmt in body:
+    for stmt in statements(body):
         match stmt:
             case Assign(target=str() as target, value=value):
                 yield target, value
-            case If():
-                yield from _assignments(stmt.body)
-                yield from _assignments(stmt.orelse)
-            case Loop():
-                yield from _assignments(stmt.body)
-            case _:
-                pass
 
 
 def _factors(expr: Expr, *, within: bool) -> Iterable[str]:

@@ -61,6 +61,20 @@ def _nested(
         yield from _nested(child, function, deeper)
 
 
+def statements(body: tuple[Stmt, ...]) -> Iterator[Stmt]:
+    """Yield every statement of a body, those in branches and loops too, but not in functions."""
+    for stmt in body:
+        yield stmt
+        match stmt:
+            case If():
+                yield from statements(stmt.body)
+                yield from statements(stmt.orelse)
+            case Loop():
+                yield from statements(stmt.body)
+            case _:
+                pass
+
+
 def inside(expr: Expr) -> Iterator[Expr]:
     """Yield an expression and every expression in it."""
     yield expr

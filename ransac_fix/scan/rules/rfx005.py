@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from ransac_fix.scan import algebra
 from ransac_fix.scan.findings import Certainty, Finding
-from ransac_fix.scan.form import Assign, Choice, Expr, Fn, If, Item, Loop, Name, Num, Op, Ref, Stmt
+from ransac_fix.scan.form import Assign, Choice, Expr, Fn, If, Item, Name, Num, Op, Ref, Stmt
 from ransac_fix.scan.logarithms import quotients
 from ransac_fix.scan.reading import ReadSite
 from ransac_fix.scan.rules.base import Rule, ScannedFile, power_of
-from ransac_fix.scan.walk import expressions, functions
+from ransac_fix.scan.walk import expressions, functions, statements
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
 # What catches a number that is none, or takes its sign away.
@@ -474,7 +474,7 @@ def _tests(read: ReadSite, file: ScannedFile) -> Iterator[Expr]:
         for expr, _, _ in expressions(body, None, 0):
             if isinstance(expr, Op) and expr.op in _COMPARISONS:
                 yield expr
-        for stmt in _statements(body):
+        for stmt in statements(body):
             if isinstance(stmt, If) and not (
                 isinstance(stmt.test, Op) and stmt.test.op in _COMPARISONS
             ):
@@ -485,24 +485,11 @@ def _ratios(read: ReadSite, file: ScannedFile) -> Iterator[str]:
     """Yield the names of what is made of both counts: a test of one keeps the same ends away."""
     counts = (read.roles.get("n_inliers"), read.roles.get("n_samples"))
     for body in _bodies(read, file):
-        for stmt in _statements(body):
+        for stmt in statements(body):
             if isinstance(stmt, Assign) and stmt.target and stmt.value.span is not None:
                 made_of = file.text.at(stmt.value.span)
                 if all(count is not None and count in made_of for count in counts):
                     yield stmt.target
-
-
-def _statements(body: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    for stmt in body:
-        yield stmt
-        match stmt:
-            case If():
-                yield from _statements(stmt.body)
-                yield from _statements(stmt.orelse)
-            case Loop():
-                yield from _statements(stmt.body)
-            case _:
-                pass
 
 
 def _guards(test: Expr, names: set[str], read: ReadSite) -> bool:
