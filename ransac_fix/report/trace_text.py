@@ -148,7 +148,8 @@ def _verification(found: Verification) -> list[str]:
             f" more inliers: {rate} % [{low}, {high}] (95 %)"
         )
         if found.gained is not None:
-            line += f", {_span(found.gained)} inliers more"
+            more = "inlier" if found.gained.high == 1 else "inliers"
+            line += f", {_span(found.gained)} {more} more"
         lines.append(f"{line}.")
     for why, count in found.not_replayed.items():
         lines.append(f"{_many(count, 'call')} could not be made again: {why}.")
