@@ -107,8 +107,6 @@ class KnownCalls:
             if self._nodes.has(operands[0], LOG):
                 loop, count = runs_of(operands[0])
                 return self._nodes.new(Over("sum", operands[0], loop, count, span), operands[:1])
-        if name == "full" and len(operands) >= 2:
-            return operands[1]
         # numpy's logarithm of x to the base n, and Unreal's
         if name in ("logn", "LogX") and len(operands) == 2:
             logs = tuple(self._nodes.fn("log", (one,), span) for one in operands[::-1])

@@ -22,6 +22,7 @@ from ransac_fix.scan.form import (
 )
 from ransac_fix.scan.nodes import NESTED, POW, Nodes
 from ransac_fix.scan.shapes import call_within, unwrap
+from ransac_fix.scan.walk import statements
 
 
 def accumulated(
@@ -113,16 +114,12 @@ def running(
 def assigned(body: tuple[Stmt, ...]) -> dict[str, None]:
     """Collect the names a body assigns, in order."""
     names: dict[str, None] = {}
-    for stmt in body:
+    for stmt in statements(body):
         match stmt:
             case Assign(target=str() as target):
                 names[target] = None
-            case If():
-                names.update(assigned(stmt.body))
-                names.update(assigned(stmt.orelse))
             case Loop():
                 names.update(dict.fromkeys(stmt.variables))
-                names.update(assigned(stmt.body))
             case _:
                 pass
     return names

@@ -61,16 +61,21 @@ def _nested(
         yield from _nested(child, function, deeper)
 
 
-def statements(body: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    """Yield every statement of a body, those in branches and loops too, but not in functions."""
+def statements(body: tuple[Stmt, ...], *, definitions: bool = False) -> Iterator[Stmt]:
+    """Yield every statement of a body, those in branches and loops too.
+
+    With ``definitions`` also those of the functions and classes in it.
+    """
     for stmt in body:
         yield stmt
         match stmt:
             case If():
-                yield from statements(stmt.body)
-                yield from statements(stmt.orelse)
+                yield from statements(stmt.body, definitions=definitions)
+                yield from statements(stmt.orelse, definitions=definitions)
             case Loop():
-                yield from statements(stmt.body)
+                yield from statements(stmt.body, definitions=definitions)
+            case Function() | Class() if definitions:
+                yield from statements(stmt.body, definitions=True)
             case _:
                 pass
 
@@ -113,15 +118,6 @@ def children(expr: Expr) -> tuple[Expr, ...]:
 
 def functions(body: tuple[Stmt, ...]) -> Iterator[Function]:
     """Yield every function and method, those inside others too."""
-    for stmt in body:
-        match stmt:
-            case Function():
-                yield stmt
-                yield from functions(stmt.body)
-            case Class() | Loop():
-                yield from functions(stmt.body)
-            case If():
-                yield from functions(stmt.body)
-                yield from functions(stmt.orelse)
-            case _:
-                pass
+    for stmt in statements(body, definitions=True):
+        if isinstance(stmt, Function):
+            yield stmt

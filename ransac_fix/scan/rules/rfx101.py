@@ -10,18 +10,14 @@ from ransac_fix.scan.findings import Certainty, Finding, Location, Related
 from ransac_fix.scan.form import (
     Assign,
     Call,
-    Class,
     Expr,
-    Function,
-    If,
     Import,
-    Loop,
     Name,
     Num,
     Stmt,
 )
 from ransac_fix.scan.rules.base import Rule, ScannedFile
-from ransac_fix.scan.walk import expressions
+from ransac_fix.scan.walk import expressions, statements
 from ransac_fix.systems import System, load_systems
 
 if TYPE_CHECKING:
@@ -345,7 +341,7 @@ def _system(path: str) -> System | None:
 def _bound(body: tuple[Stmt, ...]) -> dict[str, str]:
     """Say what modules and members the names of a file stand for."""
     bound: dict[str, str] = {}
-    for stmt in _statements(body):
+    for stmt in statements(body, definitions=True):
         match stmt:
             case Import(name=name, target=target):
                 bound[name] = target
@@ -356,19 +352,6 @@ def _bound(body: tuple[Stmt, ...]) -> dict[str, str]:
             case _:
                 pass
     return bound
-
-
-def _statements(body: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    for stmt in body:
-        yield stmt
-        match stmt:
-            case If():
-                yield from _statements(stmt.body)
-                yield from _statements(stmt.orelse)
-            case Loop() | Function() | Class():
-                yield from _statements(stmt.body)
-            case _:
-                pass
 
 
 def _resolved(call: Call, bound: dict[str, str]) -> str:
